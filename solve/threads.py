@@ -31,7 +31,7 @@ def one_thread(coordinates: int) -> Iterator[None]:
         yield
         return
     with _lock:
-        libraries = _libraries(tuple(name in sys.modules for name in ("scipy.linalg", "ctrlsys")))
+        libraries = _libraries("scipy.linalg" in sys.modules, "ctrlsys" in sys.modules)
         limited = bool(_active_calls) or any(
             library.num_threads != 1 for library in libraries.lib_controllers
         )
@@ -51,7 +51,7 @@ def one_thread(coordinates: int) -> Iterator[None]:
 
 
 @cache
-def _libraries(loaded: tuple[bool, ...]) -> Any:
+def _libraries(has_scipy: bool, has_slicot: bool) -> Any:
     """BLAS libraries loaded by this process: that of NumPy, and those of SciPy and ctrlsys if these packages
     are imported."""
     from threadpoolctl import ThreadpoolController

@@ -13,13 +13,14 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified
 from solve.certify.comparison import NO_DIGIT, SAFETY, better_method
-from solve.errors import StepsError, counted
+from solve.errors import SolveError, StepsError, counted
 from solve.kernel import slicot
-from solve.methods.free import solutions_on
+from solve.methods.free import anchored_for, solutions_on
 from solve.methods.method import Method, OneStep
+from solve.period.anchored import Anchored
 from solve.period.blocks import LOSS, Blocks, balanced_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
-from solve.period.frozen import balanced
+from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
 from solve.period.logarithms import UNKNOWN, exponential, log_distances, matched_logarithms
 from solve.period.multipliers import matched
@@ -148,10 +149,13 @@ class Spectrum:
         """Principal logarithms log ρ (N,); -inf for an exact zero, NaN if not accurate to one digit."""
         return self._logarithms_and_errors[0]
 
-    @property
+    @cached_property
     def errors(self) -> Array:
-        """Estimated relative error of each ρ (N,); NaN if not accurate to one digit."""
-        return self._logarithms_and_errors[1]
+        """Estimated relative error of each ρ (N,), with the error of a reduction; NaN if not accurate to one
+        digit."""
+        logarithms, errors = self._logarithms_and_errors
+        errors = np.maximum(errors, self._reduction_errors(logarithms))
+        return np.where(errors < NO_DIGIT, errors, np.nan)
 
     @property
     def leading(self) -> Array:
@@ -196,13 +200,13 @@ class Spectrum:
     @property
     def warnings(self) -> list[str]:
         """Warning if `rtol` applies to each multiplier and an error exceeds it; otherwise empty."""
-        rtol = self.certified.request.rtol
-        if self.refined is None or (worst := self.errors.max()) <= rtol:
+        rtol, errors = self.certified.request.rtol, self._logarithms_and_errors[1]
+        if self.refined is None or (worst := errors.max()) <= rtol:
             return []
         missed = f"the largest relative error of a multiplier is {worst:.1e}, above rtol {rtol:g}"
-        if self.unresolved:
-            of = f"of {len(self.errors)} multipliers"
-            missed = f"{counted(self.unresolved, f'{of} is', f'{of} are')} not accurate to even one digit"
+        if unresolved := int(np.isnan(errors).sum()):
+            of = f"of {len(errors)} multipliers"
+            missed = f"{counted(unresolved, f'{of} is', f'{of} are')} not accurate to even one digit"
         many = f"{self.refined.steps} steps"
         return [f"{missed}: {many} do not resolve the fastest modes, or round-off limits the accuracy"]
 
@@ -225,8 +229,8 @@ class Spectrum:
         else:
             return []
         missing = ["rtol is not applied to each multiplier"] if is_refused else []
-        if self.unresolved:
-            subject = counted(self.unresolved, "multiplier is", "multipliers are")
+        if unresolved := int(np.isnan(self._logarithms_and_errors[1]).sum()):
+            subject = counted(unresolved, "multiplier is", "multipliers are")
             missing.append(f"{subject} below the round-off of the monodromy matrix")
         if not (missing or is_installed):
             missing.append("orders and frequencies of the modes are unknown")
@@ -250,7 +254,7 @@ class Spectrum:
 
     @cached_property
     def _logarithms_and_errors(self) -> tuple[Array, Array]:
-        """Logarithms log ρ (N,) of the multipliers and their errors (N,)."""
+        """Logarithms log ρ (N,) of the multipliers and their numerical errors (N,)."""
         if self.refined is not None:
             return self.refined.logarithms, self._with_interpolation(self.refined)
         (rho, _, absolute), has_digit = self._of_monodromy, self._has_digit
@@ -276,6 +280,30 @@ class Spectrum:
                     added = interpolation.multipliers * np.exp(sizes.max() - sizes)
                 errors = np.where(factors.rigid, 0.0, errors + added)
         return np.where(errors < NO_DIGIT, errors, np.nan)
+
+    def _reduction_errors(self, logarithms: Array) -> Array | float:
+        """Return the relative errors (N,) that a reduction causes in multipliers with these `logarithms`
+        (N,): twice the differences from the multipliers of the enriched system, or 0 without a reduction. If
+        the small multipliers of the enriched system cannot be computed, the largest absolute error of the
+        multipliers is assumed."""
+        reduction, certified = self.point.system.capabilities.reduction, self.certified
+        if reduction is None or reduction.full_coordinates == self.point.n:
+            return 0.0
+        sizes = np.real(logarithms)
+        errors = SAFETY * certified.reduction[0].multipliers * np.exp(np.nanmax(sizes) - sizes)
+        if not (self._has_factors and slicot.available()):
+            return errors
+        point = SinglePoint(reduction.enriched, self.point.speed)
+        try:
+            equations = balanced(point, frozen(point))
+            maps = step_maps(equations, certified.method, certified.steps, certified.request.engine)[1]
+            enriched = eigenvalue_logarithms(balanced_blocks(maps, _DEFAULT_LOSS).factors[0])
+        except (SolveError, np.linalg.LinAlgError):
+            return errors
+        is_known = ~np.isnan(sizes)
+        distances = log_distances(logarithms[is_known], enriched)
+        errors[is_known] = SAFETY * distances[matched(distances)]
+        return errors
 
     @property
     def _has_factors(self) -> bool:
@@ -360,10 +388,11 @@ def step_maps(
     requires it. anchored: rigid-body modes relative to which the motion is described. Raises SolveError."""
     grid = Grid.uniform(steps, points.period, points.breaks)
     chunks = grid.parts(_MEMORY // method.bytes_a_step(points.n) + 1)
-    if isinstance(method, OneStep) and len(chunks) > 1 and anchored is None:
+    if isinstance(method, OneStep) and len(chunks) > 1:
+        solved = points if anchored is None else anchored_for(method, points, anchored)
         with np.errstate(all="ignore"):
-            maps = [method.discretise(points, chunk).steps.A for chunk in chunks]
-        return grid, np.concatenate(maps, axis=1)
+            maps = np.concatenate([method.discretise(solved, chunk).steps.A for chunk in chunks], axis=1)
+            return grid, solved.steps(maps) if isinstance(solved, Anchored) else maps
     solutions = solutions_on(method, points, grid, False, engine, anchored).checked()
     assert solutions.steps is not None
     return solutions.grid, solutions.steps.A

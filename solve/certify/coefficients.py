@@ -315,7 +315,7 @@ class ResampledPoints(DerivedPoints):
             sizes.append([np.abs(lower.coefficients) * each for each in largest])
             entry = lower.entry
         entries, starts = _entries(entry)
-        differences, largest = np.max(sizes, axis=0)
+        differences, largest = np.maximum.reduce(sizes)
         sums = np.add.reduceat(differences, starts, axis=-1)
         largest = np.maximum.reduceat(largest, starts, axis=-1)
         return _relative(sums[:, None], largest, entries, self.n)[:, 0]

@@ -3,7 +3,7 @@
 Column 0 of the errors (P, 2) contains the errors of the orbit, relative to the largest value of each
 coordinate. Column 1 contains the errors of the multipliers, relative to the spectral radius."""
 
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 
@@ -89,12 +89,8 @@ class Comparison(PointSolver):
         super().__init__(points, method, request)
         self.better, self.step_ratio = better_method(method)
         self.remaining = 0.0 if self.step_ratio == 1 else 1 / (2.0**method.order - 1)
-
-    @cached_property
-    def max_steps(self) -> int:
-        """Largest number of steps of the first solution. It may be limited by the more accurate solution,
-        which has more steps or more stages."""
-        return self.better.most_steps(self.points.n, self.points.first_order) // self.step_ratio
+        # The more accurate solution has more steps or more stages.
+        self.max_steps = self.better.most_steps(points.n, points.first_order) // self.step_ratio
 
     def pair_chunks(self, steps: int, positions: Array) -> list[Array]:
         """Split the positions into chunks for which both solutions fit into memory."""
@@ -162,7 +158,7 @@ class Comparison(PointSolver):
         rules = method.stages, self.better.stages
         resampled = ResampledPoints(points, steps, rules)
         errors = np.zeros((len(positions), 2))
-        allowed = _COEFFICIENTS * self.request.rtol * self.relative_stiffness[positions]
+        allowed = _COEFFICIENTS * self.request.rtol * self.relative_stiffness(positions)
         rows = (resampled.relative_difference > allowed).nonzero()[0]
         if len(rows):
             if method.linear:
@@ -201,10 +197,10 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
     that is zero except for round-off, such as that of the mass at a tuned absorber, is compared with the
     displacement that all loads on it would cause."""
     multipliers = coarse.multipliers.difference(fine.multipliers)
-    orbit = np.zeros_like(multipliers)
+    orbit = np.zeros(len(multipliers))
     if coarse.curve is not None and fine.curve is not None:
         change, largest = _curve_differences(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
-        scales = _coordinate_scales(change, largest, orbit_roundoff(fine), modes)
+        scales = _coordinate_scales(change, largest, fine, modes)
         orbit = (change / np.where(scales > 0, scales, 1.0)).max(axis=1)
     return np.array((orbit, multipliers)).T
 
@@ -236,26 +232,29 @@ def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
     return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
-def _coordinate_scales(change: Array, largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
-    """Return the scales (P, n) to which the errors of coordinates are relative: the moduli `largest` (P, n),
-    or the load scale of a coordinate whose modulus is round-off.
+def _coordinate_scales(change: Array, largest: Array, solutions: Solutions, modes: FrozenModes) -> Array:
+    """Return the scales (P, n) to which the errors of coordinates of `solutions` are relative: the moduli
+    `largest` (P, n), or the load scale of a coordinate whose modulus is round-off.
 
     Such a modulus is round-off of the load scale. If the system is ill-conditioned, a larger modulus may also
     be round-off. Two solutions for the coordinate then have no common digit: their difference `change` (P, n)
     is at least half as large as the coordinate.
 
-    If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error
-    `roundoff` (P,) is then relative to the coordinate, which is accurate to one digit if `roundoff` is below
-    `NO_DIGIT`."""
-    rest = rest_threshold(roundoff)[:, None]
-    is_small = largest <= np.maximum(roundoff[:, None], rest) * largest.max(axis=1, keepdims=True)
-    if not is_small.any():
+    If forces on a coordinate cancel, the condition number includes this cancellation. The round-off error is
+    then relative to the coordinate, which is accurate to one digit if this error is below `NO_DIGIT`."""
+    roundoff = orbit_roundoff(solutions)[:, None]
+    rest = rest_threshold(roundoff, roundoff_growth(solutions.grid.steps))
+    # Coordinates may have different units, so that the second criterion is not sufficient. Two solutions may
+    # share their round-off.
+    is_doubtful = 2 * SAFETY * change >= NO_DIGIT * largest
+    is_doubtful |= largest <= np.maximum(roundoff, rest) * largest.max(axis=1, keepdims=True)
+    rows = is_doubtful.any(axis=1).nonzero()[0]
+    if not len(rows):
         return largest
-    rows = is_small.any(axis=1).nonzero()[0]
     scales, loads = largest.copy(), modes[rows].load_scale(largest[rows])
-    size, roundoff = largest[rows], roundoff[rows, None]
-    has_no_digit = is_small[rows] & (2 * change[rows] >= size)
-    is_roundoff = (size <= rest[rows] * loads) | (has_no_digit & (size <= roundoff * loads))
+    size, roundoff, rest = largest[rows], roundoff[rows], rest[rows]
+    has_no_digit = 2 * change[rows] >= size
+    is_roundoff = (size <= rest * loads) | (has_no_digit & (size <= roundoff * loads))
     cancels = (size * roundoff >= EPS * loads) & (roundoff < NO_DIGIT)
     scales[rows] = np.where(is_roundoff & ~cancels, loads, size)
     return scales

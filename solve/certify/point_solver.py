@@ -52,6 +52,8 @@ class PointSolver:
     ----------
     orders : (2,)
         Orders of convergence of orbit and multipliers.
+    max_steps : int
+        Largest number of steps per period.
     modes : FrozenModes
         Frozen modes of all points.
     free : Free or None
@@ -67,11 +69,7 @@ class PointSolver:
         self.orders = np.array([method.curve_order - is_lower, method.order])
         self.modes = frozen(points, engine=request.engine)
         self.free = free(points, self.modes) if method.linear else None
-
-    @cached_property
-    def max_steps(self) -> int:
-        """Largest number of steps per period."""
-        return self.method.most_steps(self.points.n, self.points.first_order)
+        self.max_steps = method.most_steps(points.n, points.first_order)
 
     def rigid_body_modes(self, positions: Array) -> Free | None:
         """Rigid-body modes of the points with the indices `positions` (k,)."""
@@ -83,11 +81,11 @@ class PointSolver:
         because row factors change the modal masses and hence the results of these methods."""
         return balanced(self.points, self.modes) if self.method.converges else self.points
 
-    @cached_property
-    def relative_stiffness(self) -> Array:
-        """Stiffness (P,) of the softest frozen mode, relative to the stiffest."""
-        least, largest = self._extreme_rates
-        return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
+    def relative_stiffness(self, positions: Array) -> Array:
+        """Stiffness (k,) of the softest frozen mode, relative to the stiffest, for points at `positions`
+        (k,); 1 if all modes have zero stiffness."""
+        least, largest = self._extreme_rates[:, positions]
+        return np.fmin(least / largest, 1.0) ** 2
 
     def may_exceed(self, positions: Array, roundoff: Array, errors: Array) -> Array:
         """Return a mask (k,) of the points at `positions` (k,) at which the error due to round-off of the

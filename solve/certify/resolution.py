@@ -69,8 +69,8 @@ def first_steps(
         steps = np.ceil(np.nan_to_num(phase_advance) / (2 * method.follows))
         return np.clip(steps, 2 * MIN_STEPS, _MAX_FIRST_STEPS).astype(int), np.zeros(len(modes))
     c, p, T = collocation.error_constant, collocation.order, modes.period
-    rates, remaining = modes.rates_and_decay()
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        rates, remaining = modes.rates_and_decay()
         # The variation of the coefficients increases the frozen rates by about 1.5 times the speed.
         powers = remaining * ((rates + 1.5) * T) ** (p + 1)
         is_out_of_reach = (c / (AIM * rtol) * powers > float(most) ** p) & orbit
@@ -140,8 +140,8 @@ def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: i
     z = h * rates
     is_unresolved, factors = _unresolved_factors(stages, z, steps)
     counts = is_unresolved | (np.abs(z) == np.abs(z).max(axis=-1, keepdims=True))
-    exponents = np.where(counts, np.log(factors), -np.inf).max(axis=-1).mean(axis=-1)
-    remainder = np.exp(steps * exponents)
+    exponents = np.where(counts, np.log(factors), -np.inf).max(axis=-1).sum(axis=-1)
+    remainder = np.exp(exponents * (steps / rates.shape[1]))
     return np.where(is_unresolved.any(axis=(-2, -1)), remainder, 0.0)
 
 

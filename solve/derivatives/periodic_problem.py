@@ -68,7 +68,7 @@ class PeriodicProblem:
         engine: COMPILED or NUMPY. known: periodic solution on this grid, if known. free: rigid-body modes, if
         any; the anchored system is then solved. Raises ValueOutOfBoundsError if the memory limit is exceeded.
         """
-        self.point, self.grid, self.rule = point, grid, method.collocation
+        self.point, self.grid, self.rule = point, grid, method.stages
         self.phases = grid.stages(np.array(self.rule.curve_nodes))
         n, s, m = point.n, len(self.rule.c), grid.steps
         require_size("steps", m, 2 * s * n * (s + 2) * n)

@@ -12,7 +12,7 @@
 #define UNLIKE 2.0                 /* log2 of the ratio of squared row and column norms above which to balance */
 #define APART 1e-3                 /* ratio of the terms of two states below which units are changed */
 #define EPS 2.220446049250313e-16
-#define RESTS 1e-11                /* largest ratio of a state that counts as zero to its terms */
+#define RESTS (512.0 * EPS)        /* largest ratio of a state that counts as zero to its terms, over the growth of round-off */
 #define REGULAR 1e13               /* upper limit of the condition number of regular chains */
 #define LEFT 1e-12                 /* relative residual above which the nodes have different units */
 #define SINGULAR 1e14              /* condition number above which a chain is singular */
@@ -273,16 +273,19 @@ static int resize(const lane *acting, lane *unit) {
 
 /* Condition number of the states of a chain with `steps` steps. `first`: condition number of the chain in units of the
    states. `condition`: condition number in units that also differ between the nodes. The result is larger if the residual
-   `left` is large and, if `sized`, if the terms of a state cancel; states that are round-off of their terms are excluded.
-   It is limited so that a chain that is regular in the first units does not count as singular. */
-static lane of_states(lane first, lane condition, long steps, const lane *acting, const lane *size, lane left, int sized) {
-    const lane rounding = EPS * fmax(8.0, steps / 16.0) + (lane){0}, regular = (lane){0} + REGULAR;
+   `left` is large and, if `sized`, if the terms of a state cancel. States that are round-off of their terms are excluded; in
+   the `balanced` units, the round-off of all states is similar. The result is limited so that a chain that is regular in the
+   first units does not count as singular. `acting` and `size` are in the units `unit`. */
+static lane of_states(lane first, lane condition, long steps, const lane *acting, const lane *size, const lane *unit,
+                      const lane *balanced, lane left, int sized) {
+    const double growth = fmax(8.0, steps / 16.0);
+    const lane rounding = EPS * growth + (lane){0}, regular = (lane){0} + REGULAR;
     condition = chosen(first < SINGULAR, -larger(-regular, -condition), condition);
     lane most = {0}, cancels = (lane){0} + 1.0;
-    for (int i = 0; i < NX; i++) most = larger(most, acting[i]);
-    const lane rests = -larger(-8.0 * rounding * condition, (lane){0} - RESTS) * most;
+    for (int i = 0; i < NX; i++) most = larger(most, acting[i] * unit[i] / balanced[i]);
+    const lane rests = -larger(-8.0 * rounding * condition, (lane){0} - RESTS * growth) * most;
     for (int i = 0; sized && i < NX; i++) {
-        const mask moves = size[i] > rests;
+        const mask moves = size[i] * unit[i] / balanced[i] > rests;
         cancels = larger(cancels, (lane)((mask)(acting[i] / size[i]) & moves));
     }
     const lane lost = -larger(-left / rounding, -regular);
@@ -309,9 +312,10 @@ static mask keep(closing *kept, int again, long states, const lane *x, lane cond
 /* States x (blocks, NX) at the starts of the blocks of a closed chain with `steps` steps. Returns their condition number.
    sized: whether the sizes of the states are considered. */
 static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x, int sized) {
-    lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, left;
+    lane unit[NX], balanced[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, left;
     closing kept;
     balance(0, blocks, maps, unit);
+    memcpy(balanced, unit, sizeof unit);
     for (long k = 0; k <= blocks; k++) node[k] = (lane){0} + 1.0;
     int again = 0;
     for (int resized = !sized;;) {
@@ -331,17 +335,18 @@ static lane close_chain(long steps, long blocks, const lane *maps, lane *saved, 
         memcpy(x, kept.x, blocks * NX * sizeof(lane));
         acting_on(0, blocks, maps, x, x, unit, acting, size);
     }
-    return of_states(kept.first, kept.condition, steps, acting, size, kept.left, sized);
+    return of_states(kept.first, kept.condition, steps, acting, size, unit, balanced, kept.left, sized);
 }
 
 /* The same if the lanes are segments of one chain: each lane is followed by the next one, and the last by the first. */
 static lane close_segments(long steps, long blocks, const lane *maps, lane *saved, lane *rows, lane *z, lane *x) {
     static const lane none = {0};
-    lane unit[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, left;
+    lane unit[NX], balanced[NX], node[BLOCKS + 1], acting[NX], size[NX], condition, left;
     lane *whole = rows + blocks * NX * ROW, *kept_rows = saved + blocks * NX * CYCLIC;
     lane starts[LANES * NX], *ends = x + blocks * NX;
     closing kept;
     balance(1, blocks, maps, unit);
+    memcpy(balanced, unit, sizeof unit);
     for (long k = 0; k <= blocks; k++) node[k] = none + 1.0;
     int again = 0;
     for (int resized = 0;;) {
@@ -370,7 +375,7 @@ static lane close_segments(long steps, long blocks, const lane *maps, lane *save
         memcpy(x, kept.x, (blocks + 1) * NX * sizeof(lane));
         acting_on(1, blocks, maps, x, ends, unit, acting, size);
     }
-    return of_states(kept.first, kept.condition, LANES * steps, acting, size, kept.left, 1);
+    return of_states(kept.first, kept.condition, LANES * steps, acting, size, unit, balanced, kept.left, 1);
 }
 
 #pragma GCC pop_options

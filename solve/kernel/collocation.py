@@ -146,6 +146,6 @@ def _grouped(values: Array, groups: int, width: int) -> Array:
     """Arrange values (P, …) in groups as (groups, …, width). The last point also fills the remaining
     lanes."""
     if len(values) == 1:
-        return np.repeat(values, width)
+        return values.repeat(width)
     filled = values[np.minimum(np.arange(groups * width), len(values) - 1)]
     return np.ascontiguousarray(filled.reshape(groups, width, -1).swapaxes(1, 2))

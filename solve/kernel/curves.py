@@ -1,7 +1,7 @@
 """Differences between curves, computed by compiled code."""
 
 import ctypes
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -41,18 +41,19 @@ def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[A
     library = loaded("curves.c", (("COARSE", coarse.shape[-1]), ("FINE", fine.shape[-1])))
     if library is None:
         return None
-    given = [np.ascontiguousarray(each) for each in (coarse, fine)]
-    powers = [_powers(count, each.shape[-1]) for count, each in zip(samples, given, strict=True)]
+    coarse, fine = np.ascontiguousarray(coarse), np.ascontiguousarray(fine)
     apart, largest = np.empty(coarse.shape[:-2]), np.empty(coarse.shape[:-2])
-    sides = (
-        _Side(each.shape[-2], count, address(each), address(power))
-        for each, count, power in zip(given, samples, powers, strict=True)
-    )
+    sides = _side(coarse, samples[0]), _side(fine, samples[1])
     problem = _Problem(apart.size, *sides, address(apart), address(largest))
     return None if library.differences(ctypes.byref(problem)) else (apart, largest)
 
 
-@lru_cache
+def _side(curves: Array, samples: int) -> _Side:
+    *_, steps, D = curves.shape
+    return _Side(steps, samples, address(curves), address(_powers(samples, D)))
+
+
+@cache
 def _powers(samples: int, D: int) -> Array:
     """Powers of θ (D, MOST) at the samples of a step. Unused columns are at the end."""
     return (np.arange(MOST) / samples) ** np.arange(D)[:, None]

@@ -120,21 +120,17 @@ class Collocated(OneStep):
         s, p = (self.order + 1) // 2, self.order
         return factorial(s) * factorial(p - s) / (factorial(p) * factorial(p + 1))
 
-    @property
-    def stages(self) -> Collocation:
-        return self.collocation
-
     @cached_property
-    def collocation(self) -> Collocation:
+    def stages(self) -> Collocation:
         return _collocation(self)
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = NUMPY) -> int:
         if engine == COMPILED and n <= SMALL:
-            return kernel.bytes_a_step(n, len(self.collocation.curve_powers), orbit)
-        return self.collocation.bytes_a_step(n)
+            return kernel.bytes_a_step(n, len(self.stages.curve_powers), orbit)
+        return self.stages.bytes_a_step(n)
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
-        method = self.collocation
+        method = self.stages
         phases = grid.stages(np.array(method.c))
         size = max(1, _MEMORY // (8 * (len(method.c) * points.n) ** 2))
         a = np.empty((len(points), grid.steps, len(method.c), points.n, state_size(points) + 1))
@@ -151,7 +147,7 @@ class Collocated(OneStep):
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         if engine != COMPILED or points.n > SMALL:
             return super().solutions(points, grid, orbit)
-        method, n = self.collocation, points.n
+        method, n = self.stages, points.n
         stages = points.tables(grid.stages(method.weights["c"]).ravel())
         # A single point of a batch uses the library and lanes of the batch, so that its results do not depend
         # on how the batch is divided. Other single points always use the library with orbits, even for

@@ -55,7 +55,7 @@ class Collocation:
         """Weights (s,): integrals of the Lagrange polynomials from 0 to 1."""
         return np.linalg.inv(self._legendre[:, :-1])[0]
 
-    @property
+    @cached_property
     def stiffly_accurate(self) -> bool:
         """Whether the end of the step is a stage."""
         return self.c[-1] == 1.0

@@ -127,7 +127,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @property
     def capabilities(self) -> Capabilities:
-        return super().capabilities._replace(
+        return Capabilities(
+            input_matrix=self._inputs_at if self.inputs else None,
             outputs=self._outputs if self.outputs else None,
             validity=self,
             evaluation=self,

@@ -254,7 +254,7 @@ class _Steps:
     multiplied."""
 
     def __init__(self, equations: _Equations, grid: Grid, jumps: Sequence[EventJump]):
-        method: Collocation = equations.task.method.collocation
+        method: Collocation = equations.task.method.stages
         phases, n = grid.stages(np.array(method.c)), equations.along.n
         M, C, K, loads = (
             part.reshape(1, *phases.shape, *part.shape[1:]) for part in equations.at(phases.ravel())

@@ -205,11 +205,9 @@ class FrozenModes:
             order = np.abs(values).argsort(axis=-1)
             values = values[np.arange(len(values))[:, None], order].reshape(self.few_eigenvalues.shape)
             moduli, real_parts = np.abs(values), np.real(values)
-        with np.errstate(invalid="ignore"):
-            exponents = real_parts.mean(axis=1) * self.period
-            exponents -= np.maximum(exponents.max(axis=1, keepdims=True), np.log(UNDERFLOW))
-            decay = np.exp(np.clip(exponents, -700.0, 0.0))
-        return moduli.max(axis=1), decay
+        exponents = real_parts.sum(axis=1) * (self.period / real_parts.shape[1])
+        exponents -= np.maximum(exponents.max(axis=1, keepdims=True), np.log(UNDERFLOW))
+        return moduli.max(axis=1), np.exp(np.maximum(exponents, -700.0))
 
     def equation_factors(self) -> Array | None:
         """Return factors (P, n) of the equations, powers of 2, that make the inertia terms of the equations
@@ -332,7 +330,7 @@ class FrozenModes:
         modulus above `rate` (P,).
 
         λ²M + λC + K is regular for all |λ| > r if (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v."""
-        rate = np.broadcast_to(rate, len(self))
+        rate = rate + np.zeros(len(self))
         if not self._is_oscillator:
             # The eigenvalues at a few phases are known, and may exceed the rate already.
             is_within = self.phase_advance_estimate <= rate * self.period

@@ -35,9 +35,10 @@ _ROUNDING = 8.0
 """Multiple of the relative round-off below which the ratio of a state to the sum of the moduli of its terms
 counts as zero. Chosen by judgement."""
 
-_RESTS = 1e-11
-"""Upper limit, for any round-off, of the ratio of a state to the sum of the moduli of its terms that counts
-as zero. Chosen by judgement."""
+_RESTS = 512 * EPS
+"""Upper limit, for any condition number, of the ratio of a state to the sum of the moduli of its terms that
+counts as zero, divided by the growth of round-off over the steps. Measured on 540 orbits with absorbers that
+are detuned by 2e-12 or more: with 512, no error exceeds 10 times its estimate; with 5600, 3 errors do."""
 
 REGULAR = 1e13
 """Upper limit of the condition number of a system that is regular in some units of the states. Chosen by
@@ -133,14 +134,16 @@ def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
     x, condition, left = _at_nodes(A, b, unit)
     if not columns:
         acting = _largest_term_sums(A, b, x)
-        ratios = acting / unit
+        balanced_unit, ratios = unit, acting / unit
         apart = ratios.min(axis=-1) < APART * ratios.max(axis=-1)
         if apart.any():
             unit = np.where(apart[..., None], 2.0 ** np.floor(np.log2(acting)), unit)
             x, condition, left = _at_nodes(A, b, unit)
             acting = _largest_term_sums(A, b, x)
-        rounding = EPS * roundoff_growth(steps.A.shape[-3]) * condition
-        cancels = _cancellation(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
+        growth = roundoff_growth(steps.A.shape[-3])
+        size = np.abs(x[..., 0]).max(axis=-2)
+        rest = rest_threshold(EPS * growth * condition, growth)
+        cancels = _cancellation(acting / balanced_unit, size / balanced_unit, rest)
         condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
     condition = np.fmax(condition, np.minimum(left / (EPS * roundoff_growth(steps.A.shape[-3])), REGULAR))
     for level in reversed(levels[:-1]):
@@ -214,17 +217,18 @@ def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
     return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0))
 
 
-def rest_threshold(rounding: Array) -> Array:
+def rest_threshold(rounding: Array, growth: float) -> Array:
     """Ratio (...) of a sum to its terms below which the sum counts as round-off. `rounding` (...) is the
-    relative round-off."""
-    return np.minimum(_ROUNDING * rounding, _RESTS)
+    relative round-off, of which `growth` is due to the number of steps; see `roundoff_growth`."""
+    return np.minimum(_ROUNDING * rounding, _RESTS * growth)
 
 
-def _cancellation(acting: Array, size: Array, rounding: Array) -> Array:
+def _cancellation(acting: Array, size: Array, rest: Array) -> Array:
     """Largest ratio (...) of `acting` to `size`. For each state, `acting` is the sum of the moduli of its
-    terms, and `size` is its modulus. Both are (..., N), in the units of the chain. States that are round-off
-    of their terms are excluded."""
-    moving = size > rest_threshold(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
+    terms, and `size` is its modulus. Both are (..., N), in the units in which the chain is balanced: there,
+    the round-off of all states is similar. States that are round-off of their terms are excluded, see
+    `rest_threshold`."""
+    moving = size > rest[..., None] * acting.max(axis=-1, keepdims=True)
     return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
 
 

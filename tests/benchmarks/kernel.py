@@ -81,7 +81,7 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
 def stages(n: int) -> float:
     """Return the flops per second of a step of Radau's method of order 9 in full lanes, including the product
     of its map."""
-    method = solve.Radau().collocation
+    method = solve.Radau().stages
     rng, s = np.random.default_rng(0), len(method.c)
     entry = np.arange(3 * n**2 + n)
     table = 0.1 * rng.standard_normal((STEPS * s, len(entry)))

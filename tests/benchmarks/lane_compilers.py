@@ -24,7 +24,7 @@ from solve.kernel.library import Size, lanes
 from solve.methods.radau import Radau
 from tests.benchmarks.timing import best
 
-METHOD = Radau().collocation
+METHOD = Radau().stages
 STAGES, STEPS, POINTS = len(METHOD.c), 256, 256
 H = 2 * np.pi / STEPS
 

@@ -291,6 +291,30 @@ def test_roundoff_is_relative_to_the_size_with_a_tuned_absorber(detuned, rtol, e
     assert error <= 10 * orbit.error_estimate.orbit
 
 
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+@pytest.mark.parametrize("units", [(1.0, 1.0, 1.0, 1.0), (1e-3, 1.0, 1e2, 1e-4)])
+@pytest.mark.parametrize("stiffness", [0.7, 5.0, 40.0])
+def test_coordinates_loaded_only_by_a_mass_at_rest_meet_the_tolerance(stiffness, units, engine):
+    """The absorber q2 keeps q1 at rest. The coordinates q3 and q4 are a chain from q1 to the ground, with a
+    stiffness that varies over the period."""
+    springs = np.array([[4.0, -1.0, 0, 0], [-1.0, 1.0, 0, 0], [0, 0, 3.0, 0], [0, 0, 0, 2.0]])
+    chain = np.array([[1.0, 0, -1, 0], [0, 0, 0, 0], [-1, 0, 2, -1], [0, 0, -1, 1]])
+    scale, dampers = np.array(units), 0.1 * springs
+    dampers[:2, 1] = dampers[1] = 0.0
+
+    def matrices(phase, speed):
+        one, wave = np.ones((len(phase), 1, 1)), 1 + 0.4 * np.cos(2 * phase)[:, None, None]
+        K = springs + stiffness * wave * chain
+        load = np.outer(np.cos(phase), [1.0, 0.0, 0.0, 0.0])
+        return *(scale[:, None] * A * scale for A in (one * np.eye(4), one * dampers, K)), load * scale
+
+    orbit = periodic(system(matrices, 4), 1.0, rtol=1e-8, engine=engine)
+    q = np.abs(orbit.q * scale[:, None]).max(axis=1)
+    assert q[1] == pytest.approx(1.0, rel=1e-8)
+    assert q[[0, 2, 3]].max() < 1e-11
+    assert orbit.error_estimate.orbit <= 1e-8
+
+
 FAR = 2.0 ** np.array([-20, 0, 20])
 UNITS = {"as an energy has them": (FAR, FAR), "of equations": (FAR, 1.0), "of both": (FAR, 1 / FAR)}
 """By what equations and coordinates of three are divided, in powers of 2: entries lose no digit."""

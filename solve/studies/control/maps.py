@@ -136,7 +136,7 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 
     Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, if the
     inputs w at the stages make the sum of xᵀQx + sign wᵀw over the stages stationary (W. W. Hager, Numer.
     Math. 87 (2000) 247-282). The latter has half as many unknowns."""
-    method = Gauss(order).collocation
+    method = Gauss(order).stages
     s, phases = len(method.c), grid.stages(np.array(method.c))
     A, E, Q = coefficients(phases.ravel())
     N, r = E.shape[1:]

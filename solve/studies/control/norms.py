@@ -97,7 +97,7 @@ def h2_norm(
     """
     transfer = _Transfer.from_system(system, speed, outputs, inputs, checked_rtol(rtol))
     equation = transfer.riccati(lambda B, C: (0 * B, np.swapaxes(C, 1, 2) @ C), 1.0, rtol)
-    solved, rule = solve_riccati(equation), Gauss(8).collocation
+    solved, rule = solve_riccati(equation), Gauss(8).stages
     phase = solved.grid.stages(np.array(rule.c)).ravel()
     B = transfer.inputs_at(phase)
     X = symmetric_of(solved.curve(phase))

@@ -15,6 +15,7 @@ from solve.beams.reduced import ReducedMotion
 from solve.beams.reduction import basis
 from solve.commands.app import run
 from solve.errors import SolveError
+from solve.period.logarithms import log_distances
 from tests.solve.beams.frames import beams
 
 PHASE = np.linspace(0, 2 * np.pi, 240, endpoint=False)
@@ -117,6 +118,20 @@ def test_error_estimate_holds_over_a_range_of_speeds(elements, modes):
         computed = own.reduction_error
         assert orbit < 1.5 * computed.orbit < 3 * orbit, speed
         assert multipliers < 1.5 * computed.multipliers < 8 * multipliers, speed
+
+
+@pytest.mark.parametrize(("modes", "speed"), [(2, 33.0), (3, 47.0)])
+def test_errors_of_single_multipliers_include_the_reduction(modes, speed):
+    """Small multipliers belong to fast modes, which a reduction changes most."""
+    truth, own = (solve.floquet(each, speed, rtol=1e-6) for each in (four_bar(3), four_bar(3, modes)))
+    estimates = own.spectrum.errors
+    is_known = ~np.isnan(estimates)
+    distances = log_distances(own.spectrum.logarithms, truth.spectrum.logarithms)
+    errors = distances[linear_sum_assignment(distances)]
+    assert own.unresolved > 0
+    assert is_known.sum() >= 8
+    assert (errors[is_known] < estimates[is_known]).all()
+    assert (estimates[is_known] < 20 * errors[is_known]).all()
 
 
 def test_frequency_errors_are_relative_to_the_full_system():

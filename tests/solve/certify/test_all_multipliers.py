@@ -69,12 +69,33 @@ def test_multipliers_of_slow_cam_satisfy_liouvilles_formula():
     assert other.modes[4].unfolded == pytest.approx(other.modes[4].order * other.speed, rel=1e-4)
 
 
-def test_step_maps_computed_in_blocks_give_the_same_multipliers(monkeypatch):
+def free_discs():
+    """Two discs on a damped shaft whose stiffness varies. They turn freely together."""
+    twist = np.array([[1.0, -1.0], [-1.0, 1.0]])
+
+    def matrices(phase, speed):
+        stiffness = (50 + 10 * np.cos(phase))[:, None, None] * twist
+        return np.eye(2) + 0 * stiffness, 0.3 * twist + 0 * stiffness, stiffness, np.zeros((len(phase), 2))
+
+    return system(matrices, 2)
+
+
+@pytest.mark.parametrize("is_free", [False, True])
+def test_step_maps_computed_in_blocks_give_the_same_multipliers(monkeypatch, is_free):
     """The memory limit permits only some of the steps at a time."""
-    given, _ = turning(1)
+    given = free_discs() if is_free else turning(1)[0]
+    computed, discretise = [], Radau.discretise
+
+    def recorded(self, points, grid):
+        computed.append(grid.steps)
+        return discretise(self, points, grid)
+
+    monkeypatch.setattr(Radau, "discretise", recorded)
     whole = solve.floquet(given, 1.0, "radau", rtol=1e-8, engine="numpy", all_multipliers=True)
     monkeypatch.setattr("solve.certify.all_multipliers._MEMORY", 10 * Radau().bytes_a_step(2))
+    computed.clear()
     parts = solve.floquet(given, 1.0, "radau", rtol=1e-8, engine="numpy", all_multipliers=True)
+    assert computed[-1] <= 11
     apart = np.abs(parts.exponents - whole.exponents) * whole.period
     assert (apart <= 1e-10 * np.abs(whole.exponents * whole.period)).all()
     assert parts.unresolved == whole.unresolved == 0

@@ -14,7 +14,7 @@ from tests.solve.kernel.test_lanes import needs_compiler
 
 def same(method, n, steps, inertia=1.0):
     """Compare solutions for random matrices. inertia: diagonal of M."""
-    rng, rule = np.random.default_rng(4), method.collocation
+    rng, rule = np.random.default_rng(4), method.stages
     s, h = len(rule.c), rng.uniform(0.1, 0.3, steps)
     M, C, K = rng.standard_normal((3, steps, s, n, n))
     M += inertia * np.eye(n)
@@ -60,7 +60,7 @@ def test_every_vector_width_gives_the_same_stages(width):
 @pytest.mark.parametrize("engine", ["numpy", pytest.param("compiled", marks=needs_compiler)])
 def test_accuracy_does_not_depend_on_units_of_equations(engine):
     """The effect of loads decreases with the units, and the effect of states does not change."""
-    n, steps, rule, units = 3, 9, Radau().collocation, 2.0 ** np.array([0, 25, -25])
+    n, steps, rule, units = 3, 9, Radau().stages, 2.0 ** np.array([0, 25, -25])
     s, h, rng = len(rule.c), np.full(steps, 0.3), np.random.default_rng(4)
     entries = rng.standard_normal((1, steps * s, 3 * n**2 + n))
     entries[..., : n**2] += 3 * np.eye(n).ravel()
@@ -80,4 +80,4 @@ def test_accuracy_does_not_depend_on_units_of_equations(engine):
 
 def test_many_accelerations_are_solved_by_lapack():
     samples = Samples(np.ones((5, 1)), np.ones((1, 1)), np.zeros(1))
-    assert factorised(Radau().collocation.weights, np.ones(1), samples, slice(None), 20) is None
+    assert factorised(Radau().stages.weights, np.ones(1), samples, slice(None), 20) is None

@@ -49,7 +49,7 @@ TABLEAUX = [  # E. Hairer, G. Wanner, Solving Ordinary Differential Equations II
 
 @pytest.mark.parametrize(("rule", "c", "A", "b"), TABLEAUX, ids=[repr(rule) for rule, *_ in TABLEAUX])
 def test_tableaux_match_published_coefficients(rule, c, A, b):
-    computed = rule.collocation
+    computed = rule.stages
     for ours, known in ((computed.c, c), (computed.A, A), (computed.b, b)):
         np.testing.assert_allclose(ours, known, rtol=0, atol=4e-16)
 
@@ -57,7 +57,7 @@ def test_tableaux_match_published_coefficients(rule, c, A, b):
 @both
 def test_order_conditions(rule):
     """Butcher's conditions B(p), C(s) and D(p - s), which together imply order p."""
-    computed, p = rule.collocation, rule.order
+    computed, p = rule.stages, rule.order
     c, s = np.array(computed.c), len(computed.c)
     for k in range(1, p + 1):
         assert computed.b @ c ** (k - 1) == pytest.approx(1 / k, abs=1e-15), f"B({k})"
@@ -75,7 +75,7 @@ def test_order_conditions(rule):
 
 @pytest.mark.parametrize("rule", RADAU, ids=repr)
 def test_radau_is_stiffly_accurate(rule):
-    computed = rule.collocation
+    computed = rule.stages
     assert computed.c[-1] == 1.0
     assert np.abs(computed.A[-1] - computed.b).max() <= 2e-16
 
@@ -104,7 +104,7 @@ def pade(z, numerator, denominator):
 def test_stability_function_is_the_pade_approximant(rule, z):
     """One step of length 1 for v′ = z v: degrees (s-1, s) for Radau IIA and (s, s) for Gauss."""
     free = constant(np.eye(1), np.array([[-z]]), np.zeros((1, 1)), lambda phase: np.zeros((len(phase), 1)))
-    s = len(rule.collocation.c)
+    s = len(rule.stages.c)
     expected = pade(z, s - 1 if rule.l_stable else s, s)
     assert step_of(rule, free, 1.0)[0][1, 1] == pytest.approx(expected, rel=1e-11, abs=1e-15)
 
@@ -140,7 +140,7 @@ def test_gauss_conserves_energy_and_is_not_l_stable(rule, omega):
 def test_nystrom_form_equals_the_first_order_form(seed, n, rule, speed):
     """The reference solves the stages of x′ = P x + f as one system of order 2 n s."""
     system, h = random_system(seed, n), 0.3
-    c, A, b = np.array(rule.collocation.c), rule.collocation.A, rule.collocation.b
+    c, A, b = np.array(rule.stages.c), rule.stages.A, rule.stages.b
     P, f = rate_matrices(system, c * h, speed)
     s, N = len(c), 2 * n
     stages = np.eye(s * N) - h * np.einsum("ij,jab->iajb", A, P).reshape(s * N, s * N)
@@ -179,7 +179,7 @@ def test_stepwise_and_batched_collocation_agree(n, loads):
     rng = np.random.default_rng(n)
     C, K, d = (rng.standard_normal((2, 3, 5, n, columns)) for columns in (n, n, loads))
     M = np.eye(n) + 0.1 * rng.standard_normal((2, 3, 5, n, n)) / n
-    h, method = np.array([0.1, 0.2, 0.05]), Radau(9).collocation
+    h, method = np.array([0.1, 0.2, 0.05]), Radau(9).stages
     computed, truth = (np.empty((2, 3, 5 * n, 2 * n + loads)) for _ in range(2))
     method._solve_step_by_step(computed, h, M, C, K, d)
     method._solve_together(truth, h, M, C, K, d)
@@ -191,6 +191,6 @@ def test_only_the_singular_step_gives_nan():
     M = np.tile(np.eye(n), (1, 2, 5, 1, 1))
     M[0, 1, :, 3, 3] = 0.0
     nothing, d = np.zeros_like(M), np.ones((1, 2, 5, n))
-    a = Radau(9).collocation.stage_accelerations(h, M, nothing, nothing, d)
+    a = Radau(9).stages.stage_accelerations(h, M, nothing, nothing, d)
     assert np.isfinite(a[0, 0]).all()
     assert np.isnan(a[0, 1]).all()

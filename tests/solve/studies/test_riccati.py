@@ -207,7 +207,7 @@ def random_steps():
 
 def test_mechanical_steps_equal_those_of_general_systems(monkeypatch):
     A, E, _ = random_steps()
-    method = Gauss(16).collocation
+    method = Gauss(16).stages
     general = maps._response(A, E, method)
     assert np.abs(maps._mechanical_response(A, E, method) - general).max() < 1e-14
     monkeypatch.setattr(maps, "factorised", lambda *_: None)
@@ -219,7 +219,7 @@ def test_mechanical_steps_equal_those_of_general_systems(monkeypatch):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_steps_match_collocation_of_states_and_costates(sign):
     A, E, Q = random_steps()
-    weights, (m, s, N, _) = Gauss(16).collocation, E.shape
+    weights, (m, s, N, _) = Gauss(16).stages, E.shape
     of_start, gramian, cost, _ = maps._condensed(maps._response(A, E, weights), Q, weights.b, sign)
     for step in range(m):
         # Unknowns are states and costates at the stages and the costate at the start.
