@@ -46,15 +46,14 @@ class Separation:
         self,
         family: Family,
         points: Array,
-        period: float,
-        n: int,
         engine: str = NUMPY,
         breaks: tuple[float, ...] = (),
     ):
-        self.family, self.period, self.n, self.engine, self.breaks = family, period, n, engine, breaks
-        self.first_order = len(family.example.states)
-        ends, _ = pieces(period, breaks)
-        counts = np.maximum(_MIN_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / period)).astype(int)
+        self.family, self.engine, self.breaks = family, engine, breaks
+        system = family.example
+        self.period, self.n, self.first_order = system.period, system.n, len(system.states)
+        ends, _ = pieces(self.period, breaks)
+        counts = np.maximum(_MIN_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / self.period)).astype(int)
         self._checks = np.ravel(ends[:-1, None] + np.diff(ends)[:, None] * _CHECKS)
         self._cache: dict[bytes, Array] = {}
         self._points = points
