@@ -21,7 +21,7 @@ from derive.declarations import (
     sketch_of,
 )
 from derive.errors import DeclarationError
-from derive.field import Field
+from derive.field import Field, highest_mode
 from derive.functions import Loop, four_bar, full_turn
 from derive.quantities import Quantities
 from derive.symbols import PHASE, SPEED, Moving
@@ -246,24 +246,13 @@ class MechanismStatement(Quantities):
             raise DeclarationError(
                 f"{name}: a mechanism with a field has no other coordinates and no second field"
             )
-        if not (isinstance(modes, Option) and isinstance(modes.values, range) and modes.values[0] >= 1):
-            given = getattr(modes, "values", modes)
-            raise DeclarationError(
-                f"{name}: modes is {given}; give an option with a range from 1 on, such as "
-                'modes=mechanism.option("modes", range(1, 6))'
-            )
-        numbers = sympy.symbols("k xi")
-        if sympy.sympify(shape(*numbers)).free_symbols != set(numbers):
-            raise DeclarationError(
-                f"{name}: the shape {shape(*numbers)} must depend on both k and xi, and on nothing else"
-            )
+        highest = highest_mode(name, shape, modes)
         self._described(name, (unit, meaning))
         declared = Field(name, unit, meaning, sympy.sympify(length), shape, modes.name)
         for symbol in declared.symbols:
             self._require_unused_moving(symbol)
         amplitudes = {
-            f"{coordinates}{k}": (unit, f"{meaning}: amplitude of mode {k}")
-            for k in range(1, modes.values[-1] + 1)
+            f"{coordinates}{k}": (unit, f"{meaning}: amplitude of mode {k}") for k in range(1, highest + 1)
         }
         self.coordinates(**amplitudes)
         self.declared_field = declared

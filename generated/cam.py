@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "60778e6fa0e0fef3c52bd858d071d87b4bcb71ebc2fa174a810a61214d57dd48"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "48de998e8c637eb0a5f94c3eded01094e2c5089c78951a61ca72613619f9ecb7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2eab6f730a3c04e637813fd4af7707f4e2c0f64b813e55419a03b4060ddfbc9e"
+FILE_SHA256 = "a7025df061af2fc3e7dcefe468c69a6c46d514a4c6120e98ae4beb10f190a506"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "875b8ad64c3de8b3d4b9f29db3ad45d65a183cc4b553a091ae3ed93b0dfa2678"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "48de998e8c637eb0a5f94c3eded01094e2c5089c78951a61ca72613619f9ecb7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d3383e0ca3b343d3ba0588ba709c361b0f839ed6e254db60d1c52e1931c75c74"
+FILE_SHA256 = "8dcfaeaa7ce77012960ebaa561b297508b5466672276bbe29fc63eae090bab61"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c69ee2e7d873001c932745111cca5bd5bbb1c95608375a03c8fc6968590d7cd2"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "48de998e8c637eb0a5f94c3eded01094e2c5089c78951a61ca72613619f9ecb7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "678ac9dbad3cbe560fbfd684d8c6746dbde5abca5b567b2b21b69c2c42b2f3bf"
+FILE_SHA256 = "26405865050c2864c42be74e346b92db6a3eaedaac73b7a19bef200b2ec1372e"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c48d21b1c43b00642919b95fca0aad7fe3c0cc91a16b9cf5b9accea478f79095"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "48de998e8c637eb0a5f94c3eded01094e2c5089c78951a61ca72613619f9ecb7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "14eb340833caa3ada4b3ac3190cfc1162bcf127faa4fd2b52986a06fdbe1951c"
+FILE_SHA256 = "2dd1ce58fc303c5e143fe10c1b5e6e639af4ba26f5ba2a49d29a70511fcdc9f1"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

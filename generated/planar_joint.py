@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2ac2eddd29f7bf45af84a7ac9b8a100ea9b9a3945b60c8aa8edf763b93f5bb17"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "48de998e8c637eb0a5f94c3eded01094e2c5089c78951a61ca72613619f9ecb7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4a8ed53e1734c7a43c00e71ed46d113bf4e67ef3de977ad8e394e0656933f40a"
+FILE_SHA256 = "791cf18d5d4de9927b6180dbbd7adfb3a23b6d9588dedcd7f82e889a8a71420f"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2efb10b85d3db90713a4fe52ef957ca352fa654af0465c7c77772de774619cc9"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "48de998e8c637eb0a5f94c3eded01094e2c5089c78951a61ca72613619f9ecb7"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "dbb473d2a8337778ca80a9eb11f45b73fd31fee3ddd8b23ab7c8736cedfccb06"
+FILE_SHA256 = "dbfb4c5dbfd6278fc6ec09ff67390cdc7f77a786b59f1f9268651da6e6956a23"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (

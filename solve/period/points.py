@@ -15,6 +15,9 @@ from solve.equations import used_entries_of
 from solve.matrices import leading, split_entries
 from solve.system import PeriodicSystem
 
+_ENTRY_PHASES = 16
+"""Approximate number of phases at which the sizes of entries are determined. Chosen by judgement."""
+
 
 @dataclass(frozen=True)
 class Tables:
@@ -119,6 +122,12 @@ class Tables:
     def _is_entries(self) -> bool:
         """Whether the terms are the entries themselves, as in `from_entries`."""
         return self.per_point and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n
+
+
+def entry_phases(count: int) -> slice:
+    """Return a slice that selects about `_ENTRY_PHASES` of `count` phases. The sizes of entries are evaluated
+    at the selected phases."""
+    return slice(None, None, max(1, count // _ENTRY_PHASES))
 
 
 class Points(Protocol):

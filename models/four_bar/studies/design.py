@@ -9,8 +9,6 @@ import typer
 
 from models.four_bar.design import (
     Design,
-    Outcome,
-    Trial,
     damping_effects,
     default_target,
     designed,
@@ -26,6 +24,7 @@ from models.four_bar.design_map import (
     design_map,
 )
 from models.four_bar.linkage import Linkage
+from models.four_bar.outcome import Outcome, Trial
 from models.four_bar.plan import Plan
 from models.four_bar.run_up import RunUp, simulate
 from models.four_bar.stress_map import spaced

@@ -11,9 +11,9 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import FixedLocator, MultipleLocator, NullLocator
 
 from models.four_bar.barker import classify
-from models.four_bar.design import Outcome
 from models.four_bar.forces import JOINTS, Body, joint_forces
 from models.four_bar.linkage import ADVISED, TURN, Linkage, Motion
+from models.four_bar.outcome import Outcome
 from solve.arrays import Array, Plane
 from solve.results.contents import HALF_DEGREES
 from solve.results.formatting import prefixed
