@@ -1,7 +1,7 @@
 """Time integration of the nonlinear equations of a model."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -68,7 +68,8 @@ class ModelIntegrator:
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
         self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
 
-    def __del__(self) -> None:
+    def __del__(self, release: Callable[[Any], None] = release) -> None:
+        # The argument exists even if the process ends and the names of this module are already removed.
         release(vars(self))
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:

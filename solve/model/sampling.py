@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -47,7 +47,8 @@ class Sampler:
             self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
-    def __del__(self) -> None:
+    def __del__(self, release: Callable[[Any], None] = release) -> None:
+        # The argument exists even if the process ends and the names of this module are already removed.
         release(vars(self))
 
     def __call__(self, *inputs: Array) -> Array:
