@@ -16,8 +16,7 @@ from typing import Any, ClassVar
 
 import sympy
 
-from derive.declarations import Option
-from derive.errors import DeclarationError, UnsupportedExpressionError
+from derive.errors import UnsupportedExpressionError
 from derive.symbols import Moving
 from derive.units import Dimension, parse
 
@@ -174,23 +173,6 @@ class FieldIntegral(sympy.Function):
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
         """Dimension of the integral. `parts` are the dimensions of the density and the length."""
         return parts[0] * parts[1]
-
-
-def highest_mode(name: str, shape: Shape, modes: Any) -> int:
-    """Return the largest number of modes of a field that is being declared. Raises DeclarationError for an
-    invalid option or mode function."""
-    values = getattr(modes, "values", modes)
-    if not (isinstance(modes, Option) and isinstance(values, range) and values[0] >= 1):
-        raise DeclarationError(
-            f"{name}: modes is {values}; give an option with a range from 1 on, such as "
-            'modes=mechanism.option("modes", range(1, 6))'
-        )
-    numbers = sympy.symbols("k xi")
-    if sympy.sympify(shape(*numbers)).free_symbols != set(numbers):
-        raise DeclarationError(
-            f"{name}: the shape {shape(*numbers)} must depend on both k and xi, and on nothing else"
-        )
-    return int(values[-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,13 +15,14 @@ from derive.declarations import (
     Condition,
     Option,
     Sketch,
+    highest_mode,
     note,
     require_result,
     scalar,
     sketch_of,
 )
 from derive.errors import DeclarationError
-from derive.field import Field, highest_mode
+from derive.field import Field
 from derive.functions import Loop, four_bar, full_turn
 from derive.quantities import Quantities
 from derive.symbols import PHASE, SPEED, Moving
@@ -246,14 +247,12 @@ class MechanismStatement(Quantities):
             raise DeclarationError(
                 f"{name}: a mechanism with a field has no other coordinates and no second field"
             )
-        highest = highest_mode(name, shape, modes)
+        numbers = range(1, highest_mode(name, shape, modes) + 1)
         self._described(name, (unit, meaning))
         declared = Field(name, unit, meaning, sympy.sympify(length), shape, modes.name)
         for symbol in declared.symbols:
             self._require_unused_moving(symbol)
-        amplitudes = {
-            f"{coordinates}{k}": (unit, f"{meaning}: amplitude of mode {k}") for k in range(1, highest + 1)
-        }
+        amplitudes = {f"{coordinates}{k}": (unit, f"{meaning}: amplitude of mode {k}") for k in numbers}
         self.coordinates(**amplitudes)
         self.declared_field = declared
         return declared

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c48d21b1c43b00642919b95fca0aad7fe3c0cc91a16b9cf5b9accea478f79095"
-DERIVE_SHA256 = "48de998e8c637eb0a5f94c3eded01094e2c5089c78951a61ca72613619f9ecb7"
+DERIVE_SHA256 = "ad1cb9854aad784b10f9e1238500dbdc3006389106ba3be474ef97f2984f6eee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2dd1ce58fc303c5e143fe10c1b5e6e639af4ba26f5ba2a49d29a70511fcdc9f1"
+FILE_SHA256 = "e65f0e79ac5c432adaeedd931f20879208fe96340e5610f3ebbcb39f6d195161"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

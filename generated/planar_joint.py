@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2ac2eddd29f7bf45af84a7ac9b8a100ea9b9a3945b60c8aa8edf763b93f5bb17"
-DERIVE_SHA256 = "48de998e8c637eb0a5f94c3eded01094e2c5089c78951a61ca72613619f9ecb7"
+DERIVE_SHA256 = "ad1cb9854aad784b10f9e1238500dbdc3006389106ba3be474ef97f2984f6eee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "791cf18d5d4de9927b6180dbbd7adfb3a23b6d9588dedcd7f82e889a8a71420f"
+FILE_SHA256 = "1ec49885698e5376bdf6554b16ac0132e4c2adca4bd19ac6c0a507721a1f479d"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (
