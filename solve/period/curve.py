@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 
 _QUINTIC = np.linalg.inv(
     # Rows: q, q', q'' at the step's start, then at its end; columns: powers 0 … 5 of θ.
@@ -316,7 +316,7 @@ class FourierCurve(PeriodicCurve):
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
         count = (len(self.nodes) - 1) * a_step
-        return self(np.arange(count) * (self.nodes[-1] / count), derivative)
+        return self(uniform_phases(count, self.nodes[-1]), derivative)
 
     def each(self, phase: Array, derivative: int = 0) -> Array:
         rates = self._rates

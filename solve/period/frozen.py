@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array, covers_all, solved
+from solve.arrays import Array, covers_all, midpoint_phases, solved
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.matrices import by_rates, leading, split_entries
@@ -72,7 +72,7 @@ class FrozenModes:
     @property
     def phases(self) -> Array:
         """Phases (k,) at which the coefficients are frozen."""
-        return _midpoints(self._tables.table.shape[-2], self.period)
+        return midpoint_phases(self._tables.table.shape[-2], self.period)
 
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
@@ -383,12 +383,7 @@ class FrozenModes:
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:
     """Modes of `points` with coefficients frozen at `phases` phases."""
-    return FrozenModes(points.tables(_midpoints(phases, points.period)), points.period, engine)
-
-
-def _midpoints(count: int, period: float) -> Array:
-    """Midpoints of `count` equal intervals of the period."""
-    return (np.arange(count) + 0.5) * (period / count)
+    return FrozenModes(points.tables(midpoint_phases(phases, points.period)), points.period, engine)
 
 
 def balanced(points: Points, modes: FrozenModes) -> Points:
