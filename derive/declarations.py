@@ -242,3 +242,20 @@ def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any])
             "beam.line(start, direction)"
         )
     return Sketch(name, tuple(pairs), unit, kind)
+
+
+def highest_mode(name: str, shape: Callable[[Any, Any], Any], modes: Any) -> int:
+    """Return the largest number of modes of a field that is being declared. Raises DeclarationError for an
+    invalid option or mode function."""
+    values = getattr(modes, "values", modes)
+    if not (isinstance(modes, Option) and isinstance(values, range) and values[0] >= 1):
+        raise DeclarationError(
+            f"{name}: modes is {values}; give an option with a range from 1 on, such as "
+            'modes=mechanism.option("modes", range(1, 6))'
+        )
+    numbers = sympy.symbols("k xi")
+    if sympy.sympify(shape(*numbers)).free_symbols != set(numbers):
+        raise DeclarationError(
+            f"{name}: the shape {shape(*numbers)} must depend on both k and xi, and on nothing else"
+        )
+    return int(values[-1])

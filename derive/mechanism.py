@@ -15,6 +15,7 @@ from derive.declarations import (
     Condition,
     Option,
     Sketch,
+    highest_mode,
     note,
     require_result,
     scalar,
@@ -246,25 +247,12 @@ class MechanismStatement(Quantities):
             raise DeclarationError(
                 f"{name}: a mechanism with a field has no other coordinates and no second field"
             )
-        if not (isinstance(modes, Option) and isinstance(modes.values, range) and modes.values[0] >= 1):
-            given = getattr(modes, "values", modes)
-            raise DeclarationError(
-                f"{name}: modes is {given}; give an option with a range from 1 on, such as "
-                'modes=mechanism.option("modes", range(1, 6))'
-            )
-        numbers = sympy.symbols("k xi")
-        if sympy.sympify(shape(*numbers)).free_symbols != set(numbers):
-            raise DeclarationError(
-                f"{name}: the shape {shape(*numbers)} must depend on both k and xi, and on nothing else"
-            )
+        numbers = range(1, highest_mode(name, shape, modes) + 1)
         self._described(name, (unit, meaning))
         declared = Field(name, unit, meaning, sympy.sympify(length), shape, modes.name)
         for symbol in declared.symbols:
             self._require_unused_moving(symbol)
-        amplitudes = {
-            f"{coordinates}{k}": (unit, f"{meaning}: amplitude of mode {k}")
-            for k in range(1, modes.values[-1] + 1)
-        }
+        amplitudes = {f"{coordinates}{k}": (unit, f"{meaning}: amplitude of mode {k}") for k in numbers}
         self.coordinates(**amplitudes)
         self.declared_field = declared
         return declared

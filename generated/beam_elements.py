@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "5e4aacd7f48b0aa33880cd02a4a212d586037d4645ad83ae53687739c5dc5d8d"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "ad1cb9854aad784b10f9e1238500dbdc3006389106ba3be474ef97f2984f6eee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "75496036eb9279d053060e5af9cdec79945cacbbd1847d85c525958cdd8cbacc"
+FILE_SHA256 = "4bcecb5f17289271152b64fffdb6b456052a3aa1556244a9a59bbcd447074891"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of this order with respect to x, at ξ.
 # Row i and column i of every table have the factor L to the power of the order of freedom i. The tables have
 # the further factors ρA L (mass); EA/L for strain 1 or EI/L³ for strain 2 (stiffness); axial force/L, tension

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c69ee2e7d873001c932745111cca5bd5bbb1c95608375a03c8fc6968590d7cd2"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "ad1cb9854aad784b10f9e1238500dbdc3006389106ba3be474ef97f2984f6eee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "678ac9dbad3cbe560fbfd684d8c6746dbde5abca5b567b2b21b69c2c42b2f3bf"
+FILE_SHA256 = "00fb4fa2e48560d23dcf3e23a22cc37d34526aca7c690a4ea3d16414b0297386"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c48d21b1c43b00642919b95fca0aad7fe3c0cc91a16b9cf5b9accea478f79095"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "ad1cb9854aad784b10f9e1238500dbdc3006389106ba3be474ef97f2984f6eee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "14eb340833caa3ada4b3ac3190cfc1162bcf127faa4fd2b52986a06fdbe1951c"
+FILE_SHA256 = "e65f0e79ac5c432adaeedd931f20879208fe96340e5610f3ebbcb39f6d195161"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2ac2eddd29f7bf45af84a7ac9b8a100ea9b9a3945b60c8aa8edf763b93f5bb17"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "ad1cb9854aad784b10f9e1238500dbdc3006389106ba3be474ef97f2984f6eee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4a8ed53e1734c7a43c00e71ed46d113bf4e67ef3de977ad8e394e0656933f40a"
+FILE_SHA256 = "1ec49885698e5376bdf6554b16ac0132e4c2adca4bd19ac6c0a507721a1f479d"
 NAME = "planar_joint"
 TITLE = "Slider-crank mechanism with a planar clearance joint"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "2efb10b85d3db90713a4fe52ef957ca352fa654af0465c7c77772de774619cc9"
-DERIVE_SHA256 = "eb2e34889612d7b3fdc676f75a63e5e93f8d340d335c9c581dc0c9d8d7ade7db"
+DERIVE_SHA256 = "ad1cb9854aad784b10f9e1238500dbdc3006389106ba3be474ef97f2984f6eee"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "dbb473d2a8337778ca80a9eb11f45b73fd31fee3ddd8b23ab7c8736cedfccb06"
+FILE_SHA256 = "9f3c2513034754a713c6f402befc2dd9860cbb472a3cd9169897fb082dc1288e"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (

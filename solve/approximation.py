@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import EPS, Array
+from solve.arrays import EPS, Array, uniform_phases
 
 _FIRST_SAMPLES, _MAX_SAMPLES = 64, 1024
 """Number of samples per period of the first interpolant, and largest number of samples. Above this number,
@@ -91,7 +91,7 @@ def interpolated(function: Callable[[Array], Array], period: float) -> Callable[
     """Trigonometric interpolant of a function with values (m, …) at phases (m,), exact to round-off.
 
     If the function is not smooth enough, it is returned unchanged."""
-    phase = np.linspace(0.0, period, _FIRST_SAMPLES, endpoint=False)
+    phase = uniform_phases(_FIRST_SAMPLES, period)
     samples = function(phase)
     while 2 * len(phase) <= _MAX_SAMPLES:
         midpoints = phase + period / (2 * len(phase))

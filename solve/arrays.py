@@ -186,3 +186,21 @@ def symmetric_of(triangle: Array) -> Array:
     X = np.empty((triangle.shape[1], N, N))
     X[:, rows, columns] = X[:, columns, rows] = triangle.T
     return X
+
+
+def uniform_phases(count: int, period: float) -> Array:
+    """Return `count` phases that divide a period into equal intervals, from 0 without the end.
+
+    >>> uniform_phases(4, 2.0)
+    array([0. , 0.5, 1. , 1.5])
+    """
+    return np.arange(count) * (period / count)
+
+
+def midpoint_phases(count: int, period: float) -> Array:
+    """Return the midpoints of `count` equal intervals of a period.
+
+    >>> midpoint_phases(4, 2.0)
+    array([0.25, 0.75, 1.25, 1.75])
+    """
+    return (np.arange(count) + 0.5) * (period / count)

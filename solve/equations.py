@@ -51,13 +51,6 @@ def used_entries_of(system: PeriodicSystem, phase: Array, speed: float) -> tuple
     return used or (entries_of(system, phase, speed), np.arange(3 * system.n**2 + system.n))
 
 
-def terms_of(system: PeriodicSystem, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-    """Result of `Evaluation.terms`, the decomposition of the entries into sums of products; None if it is not
-    available."""
-    evaluation = system.capabilities.evaluation
-    return None if evaluation is None else evaluation.terms(phase, speeds)
-
-
 def entries_over(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
     """Entries (P, k, 3n² + n), in the order of `entries_of`, at phases (k,) and speeds (P,); NaN at speeds
     for which there are no matrices."""

@@ -1,7 +1,7 @@
 """Exceptions, one class per cause. Each message states what was given, what is allowed and the remedy."""
 
 import difflib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from typing import Self
 
 MOST_NAMED = 4
@@ -22,7 +22,7 @@ class UnknownNameError(SolveError):
     def __init__(self, kind: str, given: str, allowed: Iterable[str]):
         names = sorted(allowed, key=_natural)
         near = difflib.get_close_matches(given, names, n=1, cutoff=0.5)
-        hint = f"did you mean '{near[0]}'?" if near else f"known: {_shortened(names) or 'none'}"
+        hint = f"did you mean '{near[0]}'?" if near else f"known: {listed(names, _MOST_NAMES) or 'none'}"
         super().__init__(f"unknown {kind} '{given}'; {hint}")
 
 
@@ -196,6 +196,12 @@ def _natural(name: str) -> tuple[str, int]:
     return name.removesuffix(digits), int(digits or 0)
 
 
-def _shortened(names: list[str]) -> str:
-    more = len(names) - _MOST_NAMES
-    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+def listed(texts: Sequence[str], most: int = MOST_NAMED) -> str:
+    """Return a string that lists the first `most` texts, separated by commas, and states the number of the
+    remaining ones.
+
+    >>> listed(["a", "b", "c", "d", "e"])
+    'a, b, c, d and 1 more'
+    """
+    more = len(texts) - most
+    return ", ".join(texts[:most]) + (f" and {more} more" if more > 0 else "")

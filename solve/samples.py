@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.approximation import Trigonometric
-from solve.arrays import EPS, Array
+from solve.arrays import EPS, Array, uniform_phases
 from solve.errors import MatricesError, ValueOutOfBoundsError, counted
 from solve.matrices import real_arrays
 
@@ -83,7 +83,7 @@ class Samples:
             return cls(tuple(arrays), period, count)
         azimuths = _checked_azimuths(phases, count, period)
         order = np.argsort(azimuths)
-        azimuths, uniform = azimuths[order], np.arange(count) * (period / count)
+        azimuths, uniform = azimuths[order], uniform_phases(count, period)
         if np.abs(azimuths - uniform).max() <= _SAME_AZIMUTH * period:
             return cls(tuple(array[order] for array in arrays), period, count)
         return cls._fitted(azimuths, [array[order] for array in arrays], (count - 1) // 2, period)
@@ -275,7 +275,7 @@ def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
         condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else math.inf
         if condition <= _MAX_CONDITION:
             size = 2 * harmonics + 1
-            uniform = _waves(np.arange(size) * (period / size), harmonics, period)
+            uniform = _waves(uniform_phases(size, period), harmonics, period)
             return uniform @ np.linalg.pinv(design), max(1.0, condition / math.sqrt(2))
     raise MatricesError(
         f"the {len(azimuths)} azimuths are clustered, so that harmonics cannot be determined; give "

@@ -8,7 +8,7 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from solve.arguments import NUMBERS_A_POINT, described, require_size
-from solve.errors import MOST_NAMED, UnitError, ValueOutOfBoundsError
+from solve.errors import UnitError, ValueOutOfBoundsError, listed
 
 if TYPE_CHECKING:
     import pint
@@ -81,13 +81,12 @@ class ShownUnit(NamedTuple):
         >>> RPM.spans([(math.pi, 2 * math.pi), (3 * math.pi, 3 * math.pi)])
         'from 30 to 60 rpm, at 90 rpm'
         """
-        intervals = list(ranges)
-        texts = [
-            f"from {self.span(low, high, form='.5g')}" if high > low else f"at {self.text(low, '.5g')}"
-            for low, high in intervals[:MOST_NAMED]
-        ]
-        more = len(intervals) - MOST_NAMED
-        return ", ".join(texts) + (f" and {more} more" if more > 0 else "")
+        return listed(
+            [
+                f"from {self.span(low, high, form='.5g')}" if high > low else f"at {self.text(low, '.5g')}"
+                for low, high in ranges
+            ]
+        )
 
 
 USUAL = tuple(ShownUnit(*item) for item in _RAD_PER_S.items())

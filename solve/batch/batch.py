@@ -121,7 +121,7 @@ class Batch:
             shared = self._separation
             if shared is None or shared.breaks != breaks:
                 region = training(points[members]) if family.moves_breaks else self.region
-                shared = Separation(family, region, system.period, system.n, self.request.engine, breaks)
+                shared = Separation(family, region, self.request.engine, breaks)
                 self._separation = shared
             yield from self._with_tables(shared, points, members)
         return np.sort(np.concatenate(left))
@@ -155,9 +155,7 @@ class Batch:
         for group in self._by_parameters(points, others):
             if len(group) >= _MIN_GROUP:
                 region = training(points[group])
-                over_speed = Separation(
-                    self.family, region, shared.period, shared.n, shared.engine, shared.breaks
-                )
+                over_speed = Separation(self.family, region, shared.engine, shared.breaks)
                 left = yield from _represented(over_speed, points, group)
                 others = np.setdiff1d(others, np.setdiff1d(group, left))
         if len(others):

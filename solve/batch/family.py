@@ -12,7 +12,7 @@ from solve.arguments import described
 from solve.arrays import Array
 from solve.certify.coefficients import compared_phases
 from solve.contracts import Formulas
-from solve.equations import entries_of, entries_over, output_formulas, output_values, terms_of
+from solve.equations import entries_of, entries_over, output_formulas, output_values
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
@@ -163,8 +163,8 @@ class SystemFamily(Family):
         return bool(self._free) and variation is not None and variation.moves_breaks
 
     def at_speeds(self, points: Array) -> SpeedPoints | None:
-        speeds = self.speeds(points)
-        if self._free or terms_of(self.example, np.zeros(1), speeds[:1]) is None:
+        speeds, evaluation = self.speeds(points), self.example.capabilities.evaluation
+        if self._free or evaluation is None or evaluation.terms(np.zeros(1), speeds[:1]) is None:
             return None
         return SpeedPoints(self.example, speeds)
 

@@ -13,7 +13,7 @@ from solve.arrays import EPS, ROUND_OFF, Array, across, covers_all
 from solve.batch.family import Family, representative
 from solve.kernel.engines import NUMPY
 from solve.period.grid import pieces
-from solve.period.points import Tables
+from solve.period.points import Points, Tables
 
 _MAX_TERMS = 10
 """Number of terms per entry above which entries are not separated, and every point is sampled at every phase.
@@ -46,15 +46,14 @@ class Separation:
         self,
         family: Family,
         points: Array,
-        period: float,
-        n: int,
         engine: str = NUMPY,
         breaks: tuple[float, ...] = (),
     ):
-        self.family, self.period, self.n, self.engine, self.breaks = family, period, n, engine, breaks
-        self.first_order = len(family.example.states)
-        ends, _ = pieces(period, breaks)
-        counts = np.maximum(_MIN_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / period)).astype(int)
+        self.family, self.engine, self.breaks = family, engine, breaks
+        system = family.example
+        self.period, self.n, self.first_order = system.period, system.n, len(system.states)
+        ends, _ = pieces(self.period, breaks)
+        counts = np.maximum(_MIN_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / self.period)).astype(int)
         self._checks = np.ravel(ends[:-1, None] + np.diff(ends)[:, None] * _CHECKS)
         self._cache: dict[bytes, Array] = {}
         self._points = points
@@ -149,16 +148,13 @@ class Separation:
         return coefficients, _are_represented(error, largest, self.n)
 
 
-class Separated:
+class Separated(Points):
     """Points whose matrix entries are sums of R products of a coefficient and a function of the phase. A
     point is represented by its coefficients, one row of (P, R)."""
 
-    bytes_a_phase, alone = 0, False
-
     def __init__(self, separation: Separation, coefficients: Array):
+        super().__init__(separation.n, separation.period, separation.breaks, separation.first_order)
         self.separation, self.coefficients = separation, coefficients
-        self.n, self.first_order = separation.n, separation.first_order
-        self.period, self.breaks = separation.period, separation.breaks
 
     def __len__(self) -> int:
         return len(self.coefficients)
@@ -173,15 +169,13 @@ class Separated:
         return self.separation.tables(phase, self.coefficients)
 
 
-class Sampled:
+class Sampled(Points):
     """Points (P, v) of a family whose entries are sampled separately at every phase."""
 
-    alone = False
-
     def __init__(self, family: Family, points: Array, engine: str = NUMPY, breaks: tuple[float, ...] = ()):
-        self.family, self.points, self.engine, self.breaks = family, points, engine, breaks
-        self.n, self.period = family.example.n, family.example.period
-        self.first_order = len(family.example.states)
+        system = family.example
+        super().__init__(system.n, system.period, breaks, len(system.states))
+        self.family, self.points, self.engine = family, points, engine
         self.bytes_a_phase = 8 * (3 * self.n**2 + self.n)
 
     def __len__(self) -> int:

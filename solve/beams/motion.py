@@ -18,7 +18,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from solve.approximation import interpolated
-from solve.arrays import Array, Latest
+from solve.arrays import Array, Latest, uniform_phases
 from solve.beams.assembly import POSITIONS, Beams, Positions
 from solve.beams.element import AXIAL
 from solve.beams.links import HELD, Member
@@ -68,7 +68,7 @@ def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
 def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
     """Function that returns the Rayleigh damping matrix C = αM + βK (m, n, n) at phases (m,). At their mean
     frequencies over a revolution, the two lowest modes have the damping ratio ζ."""
-    phase = np.linspace(0.0, period, POSITIONS, endpoint=False)
+    phase = uniform_phases(POSITIONS, period)
     first, second = lowest_frequencies(*Positions(beams, phase).matrices(), 2).mean(axis=0)
     ratio = 2 * beams.properties.damping_ratio / (first + second)
 
@@ -254,7 +254,7 @@ class Motion:
     def _compression(self) -> tuple[Array, Array]:
         """Return phases (m,), and for each link the largest compression (m, links) in its elements at 1
         rad/s."""
-        phase = np.linspace(0.0, self.period, _BUCKLING_POSITIONS, endpoint=False)
+        phase = uniform_phases(_BUCKLING_POSITIONS, self.period)
         forces = self.unit_axial_forces(Positions(self.beams, phase))
         return phase, np.stack([-by_element.min(axis=1) for by_element in forces], axis=1)
 

@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from solve.approximation import interpolated
-from solve.arrays import Array, Latest
+from solve.arrays import Array, Latest, uniform_phases
 from solve.beams.assembly import POSITIONS, Positions
 from solve.beams.element import EXACT
 from solve.beams.frequencies import shape
@@ -226,7 +226,7 @@ class ReducedStructure(StructureModel):
         """Estimated relative error of the natural frequencies below half of the lowest discarded frequency.
         It is the largest difference from the frequencies of the enriched structure at 36 positions of a
         period."""
-        phase = np.linspace(0.0, self.period, POSITIONS, endpoint=False)
+        phase = uniform_phases(POSITIONS, self.period)
         reduced, enriched = self.frequencies(phase, self.n), self.enriched.frequencies(phase, self.n)
         compared = (enriched < _TRUSTED * self.discarded) & (enriched > 0)
         relative = np.abs(reduced / np.where(compared, enriched, 1.0) - 1)

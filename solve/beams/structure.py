@@ -9,7 +9,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from solve.arguments import SMALL
-from solve.arrays import Array, LazyMapping, Plane, Recent
+from solve.arrays import Array, LazyMapping, Plane, Recent, uniform_phases
 from solve.beams.assembly import POSITIONS, Beams, Kinematics, Positions
 from solve.beams.element import EXACT
 from solve.beams.frequencies import lowest, shapes
@@ -115,7 +115,7 @@ class StructureModel(Model, Outputs):
         chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(setup, "element"), counts, *elastic)
         beams = Beams(chosen, kinematics.properties, kinematics.angle)
         if module.MOVES:
-            Positions(beams, np.linspace(0.0, module.PERIOD, POSITIONS, endpoint=False))
+            Positions(beams, uniform_phases(POSITIONS, module.PERIOD))
         terms = {name: setup.options.get(name, default) for name, default in _AT_REST.items()}
         return Motion(beams, kinematics.rates, module.PERIOD, **terms)
 

@@ -70,7 +70,7 @@ def run_command(
         with progress.show_progress(program):
             return app(list(arguments) or ["--help"], prog_name=program, standalone_mode=False)
     except _UsageError as error:
-        _add_hint(error)
+        _add_hint(error, commands)
         raise
 
 
@@ -81,12 +81,29 @@ def _command_in(arguments: Sequence[str]) -> str | None:
     return next(iter([*arguments] or line.split()[1:]), None)
 
 
-def _add_hint(error: Any) -> None:
-    """Add a hint at --option and --set to the message about an unknown flag."""
-    unknown = getattr(error, "option_name", None) if "No such option" in error.message else None
-    if unknown and any("--option" in parameter.opts for parameter in error.ctx.command.params):
-        name = unknown.lstrip("-")
-        message = error.format_message().rstrip(".")
-        flags = f"--option {name}=VALUE or --set {name}=NUMBER"
-        error.message = f"{message}; options and parameters of the model are set by {flags}"
-        error.possibilities = None
+def _add_hint(error: Any, commands: Callable[[str | None], typer.Typer]) -> None:
+    """Add a hint to the message about an unknown flag: the other commands that have this flag or, if there is
+    none, the flags that set options and parameters of the model."""
+    flag = getattr(error, "option_name", None) if "No such option" in error.message else None
+    if flag is None:
+        return
+    group = error.ctx.parent.command if error.ctx.parent else None
+    others = [name for name in getattr(group, "commands", ()) if flag in _flags_of(name, commands)]
+    hint = f"{flag} is a flag of {', '.join(others)}"
+    if not others:
+        if "--option" not in _flags(error.ctx.command):
+            return
+        name = flag.lstrip("-")
+        hint = f"options and parameters of the model are set by --option {name}=VALUE or --set {name}=NUMBER"
+    error.message = f"{error.format_message().rstrip('.')}; {hint}"
+    error.possibilities = None
+
+
+def _flags_of(name: str, commands: Callable[[str | None], typer.Typer]) -> set[str]:
+    """Return the flags of the command with this name."""
+    program: Any = typer.main.get_command(commands(name))
+    return _flags(program.commands[name])
+
+
+def _flags(command: Any) -> set[str]:
+    return {flag for parameter in command.params for flag in parameter.opts}

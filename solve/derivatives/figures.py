@@ -5,6 +5,7 @@ with respect to the phase is zero at the extremum (envelope theorem). An extremu
 which is due to a jump of the matrices, moves with the jump."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, cached_property, partial
 from typing import NamedTuple
 
@@ -13,7 +14,6 @@ import numpy as np
 from solve.arrays import Array
 from solve.derivatives.orbit_sums import GridOrbit, WeightedSums
 from solve.errors import NoDerivativeError
-from solve.period.curve import without_drift
 from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.signals import enough_samples
 
@@ -159,7 +159,8 @@ class Figures:
         counts = [len(phases) for phases, _ in known]
         names = np.repeat([name for name, _ in pairs], counts)
         phases, signs = (np.concatenate(part) for part in zip(*known, strict=True))
-        width, curve = self.orbit.system.period / self.orbit.samples, without_drift(self.orbit.problem.curve)
+        width = self.orbit.system.period / self.orbit.samples
+        curve = replace(self.orbit.problem.curve, drift=None)
         coordinates = list(self.orbit.system.coordinates)
         is_coordinate = np.flatnonzero(np.isin(names, coordinates))
         rows = [coordinates.index(name) for name in names[is_coordinate]]

@@ -200,8 +200,7 @@ class PeriodicProblem:
         drift (r, n): steady velocities. The loads already contain their drag."""
         anchored, held = self._repeated(motions)
         curves = self.curves(motions)
-        moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
-        assert isinstance(moved, Curve)
+        moved, _ = anchored.drifting(drift).motion(curves, held.mass)
         change = moved.coefficients.copy()
         change[..., : curves.coefficients.shape[-1]] -= curves.coefficients
         if level is not None:
@@ -228,7 +227,7 @@ class PeriodicProblem:
         assert self.free is not None
         rows = np.zeros(motions.x.shape[-1], dtype=int)
         held = self.free[rows]
-        return replace(self._anchored, modes=held.modes), held
+        return Anchored(self.point, held.modes), held
 
     @cached_property
     def _damping(self) -> Array:

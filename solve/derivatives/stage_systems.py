@@ -14,9 +14,9 @@ from solve.kernel.stages import factorised
 from solve.matrices import split_entries
 from solve.methods.collocation import Collocation
 from solve.methods.method import no_orbit
-from solve.period.frozen import FrozenModes, entry_phases
+from solve.period.frozen import FrozenModes
 from solve.period.period_map import SINGULAR, Steps, periodic_states, states_from
-from solve.period.points import Tables
+from solve.period.points import Tables, entry_phases
 
 
 class StageSystems(Protocol):

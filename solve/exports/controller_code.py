@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.results.contents import versions
 from solve.results.controller import Controller
 
@@ -55,7 +55,7 @@ def controller_mat(result: Controller, samples: int) -> bytes:
     the last index."""
     from scipy.io import savemat
 
-    tables = Tables.at_phases(result, np.arange(samples) * (result.system.period / samples))
+    tables = Tables.at_phases(result, uniform_phases(samples, result.system.period))
     content = {name: np.moveaxis(array, 0, -1) for name, array in tables._asdict().items()}
     if result.compensator is None:
         content = {name: content[name] for name in ("phase", "K", "f")}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from solve.arguments import checked_rtol
-from solve.arrays import Array
+from solve.arrays import Array, midpoint_phases
 from solve.errors import ValueOutOfBoundsError, counted
 from solve.exports.lifted import Spectra, phasors, real_matrix
 from solve.exports.state_space import (
@@ -305,6 +305,6 @@ def _most_orders(system: PeriodicSystem) -> int:
 def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
     """Number of the harmonic that is nearest to the highest natural frequency at fixed phase. With fewer
     harmonics, two truncations may agree although both are wrong."""
-    phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
+    phase = midpoint_phases(_PHASES, system.period)
     frequency = np.abs(np.linalg.eigvals(coefficients(system, speed, phase).A).imag).max()
     return math.ceil(frequency * system.period / (2 * math.pi * speed))

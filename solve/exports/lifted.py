@@ -2,7 +2,6 @@
 of the signals."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,17 +15,8 @@ _GAUSS_POINTS = 12
 """Number of Gauss points per step. The length of a step is one period of the highest harmonic."""
 
 
-@dataclass(frozen=True)
-class Spectra:
-    """Fourier coefficients (2K+1, …) of A, B, C, D, d, y₀ and b for the harmonics -K … K."""
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    d: Array
-    y0: Array
-    b: Array
+class Spectra(Coefficients):
+    """Fourier coefficients (2K+1, …) of a state space for the harmonics -K … K."""
 
     @classmethod
     def from_system(cls, system: PeriodicSystem, speed: float, highest: int) -> "Spectra":
@@ -34,11 +24,10 @@ class Spectra:
         grid = Grid.uniform(highest + 1, system.period, system.breaks)
         nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         phases = grid.stages((nodes + 1) / 2).ravel()
-        matrices: Coefficients = coefficients(system, speed, phases)
         orders = np.arange(-highest, highest + 1)
         waves = np.exp(-2j * np.pi / system.period * np.outer(orders, phases))
         waves *= (grid.h[:, None] * (weights / 2)).ravel() / system.period
-        return cls(*(np.tensordot(waves, matrix, 1) for matrix in matrices[:7]))
+        return cls(*(np.tensordot(waves, matrix, 1) for matrix in coefficients(system, speed, phases)))
 
     def lifted(self, orders: int, harmonics: int, rotation: float) -> tuple[Array, Array, Array, Array]:
         """Return the matrices A - N, B, C and D of the lifted system, whose states have the harmonics -orders

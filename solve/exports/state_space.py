@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from solve.arguments import number_or_nan, require_integer, require_size
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.equations import output_values
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
 from solve.first_order import FirstOrderSystem
@@ -261,7 +261,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     check(system, omega)
     system = shown_in(system, omega)
     require_size("samples", samples, each=20 * (system.n + len(system.outputs)) * system.n)
-    phase = np.arange(samples) * (system.period / samples)
+    phase = uniform_phases(samples, system.period)
     return StateSpace(
         system, omega, phase, coefficients(system, omega, _after(system, phase)), signals(system)
     )

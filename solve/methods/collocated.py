@@ -169,7 +169,7 @@ class Collocated(OneStep):
         if not orbit or periods.curves is None or periods.condition is None:
             return self.sound(points, grid, periods.Phi, steps=steps, units=periods.units, engine=engine)
         finite = np.isfinite(periods.condition)
-        curve, lost = Curve(grid.nodes, periods.curves, finite), ~finite
+        curve, lost = Curve(grid.nodes, periods.curves, known_finite=finite), ~finite
         if lost.any() and (np.isfinite(periods.Phi).all(axis=(1, 2)) & lost).any():
             # The units differ so much that squares overflow in the lanes. The solution of the cyclic system
             # in NumPy balances them.

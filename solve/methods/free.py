@@ -9,7 +9,7 @@ from solve.arrays import Array, across
 from solve.errors import MatricesError, UnbalancedLoadError
 from solve.methods.method import Method, OneStep, Solutions
 from solve.period.anchored import Anchored
-from solve.period.curve import PeriodicCurve, without_drift
+from solve.period.curve import PeriodicCurve
 from solve.period.frozen import FrozenModes, frozen
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy, periodic_states
@@ -93,7 +93,7 @@ def solutions_on(
         if found.curve is not None and (held.modes.damped & held.modes.present).any():
             # A drift may be far larger than the vibration, and would reduce the accuracy of the vibration.
             drift = anchored.motion(found.curve, held.mass)[0].drift
-            anchored = replace(anchored, drift=drift)
+            anchored = anchored.drifting(drift)
             found = found if drift is None else method.solutions(anchored, grid, orbit, engine)
         curve, secular, driven = found.curve, None, np.zeros(len(points))
         if curve is not None:
@@ -138,7 +138,7 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
         )
         curve = chain.curve(first - (without / (along - without))[:, None, None] * second)
         scale = _acceleration_scale(curve, modes).max(axis=1)
-        curve = without_drift(anchored.motion(curve, mass)[0])
+        curve = replace(anchored.motion(curve, mass)[0], drift=None)
         reference = np.take_along_axis(modes.references, modes.present.argmax(axis=1)[:, None], axis=1)
         acceleration = gained * np.take_along_axis(units, n + reference, axis=1)[:, 0] / grid.period
         driven = np.abs(acceleration) / np.maximum(scale, np.finfo(float).tiny)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from solve.arguments import checked_tolerance, conforms, described, matches_annotations
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.fourier import Fourier, from_exponents, in_balance, solved_balance
 from solve.period.curve import FourierCurve
@@ -226,7 +226,7 @@ def together(blocks: Array) -> Array:
 def _samples(point: Points, orders: int) -> Array:
     """Phases (k,) at which coefficients are sampled: twice as many as the harmonics require."""
     count = 4 * orders + 4
-    return np.arange(count) * (point.period / count)
+    return uniform_phases(count, point.period)
 
 
 def _spectrum(samples: Array, orders: int) -> Array:

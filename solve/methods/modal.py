@@ -60,20 +60,15 @@ class Modal(OneStep):
         return super()._no_map(point, grid)
 
 
-class _Uncoupled:
+class _Uncoupled(Points):
     """Points in modal coordinates at ascending phases (k,): M = I, C = diag δ, K = diag ω², and loads.
 
     Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis, Eq. (6.12)) and continuous signs. They
     are NaN at points with complex modes, for which the mask `complex` (P,) is true. state_bases (P, 2n, 2n):
     constant maps between physical and modal states, from the modes at the first phase."""
 
-    breaks = ()
-    bytes_a_phase = 0
-    alone = False
-    first_order = 0
-
     def __init__(self, points: Points, phase: Array):
-        self.n, self.period = points.n, points.period
+        super().__init__(points.n, points.period)
         M, C, K, d = matrices(points, phase)
         squares, modes = np.linalg.eig(np.nan_to_num(solved(M, K)))
         largest = np.abs(squares).max(axis=(1, 2))

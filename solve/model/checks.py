@@ -5,7 +5,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, midpoint_phases
 from solve.contracts import Matrices
 from solve.errors import MatricesError
 from solve.matrices import PERIODIC, changes, negligible_changes, require_inertia, with_neighbours
@@ -131,7 +131,7 @@ def _steep_intervals(
 
 def _check_phases(system: PeriodicSystem) -> Array:
     """Phases of one period at which matrices are checked. Phases at a break are excluded."""
-    phase = (np.arange(_CHECK_PHASES) + 0.5) * (system.period / _CHECK_PHASES)
+    phase = midpoint_phases(_CHECK_PHASES, system.period)
     breaks = np.array(system.breaks)
     return phase[np.abs(phase[:, None] - breaks).min(axis=1, initial=np.inf) > 1e-9 * system.period]
 

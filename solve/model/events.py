@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.contracts import Events, Motion
 from solve.matrices import SAME_PHASE
 from solve.model.formulas import operation_names
@@ -108,9 +108,7 @@ class EventFinder:
 
         At each phase, the switching function that is nearest to zero there is differentiated."""
         period, n = float(motion.nodes[-1]), len(motion(phase[:1]))
-        ranges = np.ptp(
-            self._values(motion, speed, np.arange(_MIN_SAMPLES) * (period / _MIN_SAMPLES)), axis=0
-        )
+        ranges = np.ptp(self._values(motion, speed, uniform_phases(_MIN_SAMPLES, period)), axis=0)
         relative = np.abs(self._values(motion, speed, phase)) / np.where(ranges > 0, ranges, np.inf)
         passed = np.where(ranges > 0, relative, np.inf).argmin(axis=1)
         states = self._states(motion, speed, phase)

@@ -144,7 +144,7 @@ class LinearFamily:
     def _solutions(self, load: int | None) -> Solutions:
         if load not in self._periodic:
             equations, task = self._equations, self._equations.task
-            point = _UnderLoad(equations.along, task.speed, equations, load)
+            point = _UnderLoad(equations, load)
             held = free(SinglePoint(equations.along, task.speed)) if equations.free else None
             self._periodic[load] = solutions_on(task.method, point, self._grid, True, task.engine, held)
         return self._periodic[load]
@@ -231,13 +231,13 @@ class _Equations:
         return self._entries[key]
 
 
-@dataclass(frozen=True)
 class _UnderLoad(SinglePoint):
     """Linearised system whose load is -∂r/∂θ for the parameter θ with index `load`. If `load` is None, the
     load is d."""
 
-    equations: _Equations
-    load: int | None
+    def __init__(self, equations: _Equations, load: int | None):
+        super().__init__(equations.along, equations.task.speed)
+        self.equations, self.load = equations, load
 
     def tables(self, phase: Array) -> Tables:
         entries, numbers = self.equations.entries(phase)

@@ -6,13 +6,13 @@ multiplier +1 of the mode becomes exp(-α T), for any T-periodic M, C and K; all
 unchanged. If C e = 0, the new system again has a multiplier +1 in the direction e, which the same shift with
 β in place of α removes."""
 
-from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.period.curve import Curve, FourierCurve, PeriodicCurve
-from solve.period.points import Points, Tables, state_size
+from solve.period.curve import PeriodicCurve
+from solve.period.points import DerivedPoints, Points, Tables, state_size
 from solve.period.rigid_body import RigidBodyModes
 
 _RATES = 1.0, 3.0
@@ -24,48 +24,32 @@ _STEP = 0.37
 judgement."""
 
 
-@dataclass(frozen=True)
-class Anchored:
+Kind = TypeVar("Kind", bound=PeriodicCurve)
+
+
+class Anchored(DerivedPoints):
     """Points whose rigid-body modes `modes` are anchored, as described in the docstring of this module.
 
     drift (P, n): prescribed steady velocity w along e, as a derivative with respect to the phase. The drag C
     w is subtracted from the load. weights (P, r, n): rows l to be used instead of `modes.measures`."""
 
-    points: Points
-    modes: RigidBodyModes
-    drift: Array | None = None
-    weights: Array | None = None
-
-    @property
-    def n(self) -> int:
-        return self.points.n
-
-    @property
-    def first_order(self) -> int:
-        return self.points.first_order
-
-    @property
-    def period(self) -> float:
-        return self.points.period
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return self.points.breaks
-
-    @property
-    def bytes_a_phase(self) -> int:
-        return self.points.bytes_a_phase
-
-    @property
-    def alone(self) -> bool:
-        return self.points.alone
-
-    def __len__(self) -> int:
-        return len(self.points)
+    def __init__(
+        self,
+        points: Points,
+        modes: RigidBodyModes,
+        drift: Array | None = None,
+        weights: Array | None = None,
+    ):
+        super().__init__(points)
+        self.modes, self.drift, self.weights = modes, drift, weights
 
     def __getitem__(self, positions: Array) -> "Anchored":
         drift, weights = (None if each is None else each[positions] for each in (self.drift, self.weights))
         return Anchored(self.points[positions], self.modes[positions], drift, weights)
+
+    def drifting(self, drift: Array | None) -> "Anchored":
+        """Return the same points with another prescribed velocity."""
+        return Anchored(self.points, self.modes, drift, self.weights)
 
     @property
     def measures(self) -> Array:
@@ -161,7 +145,7 @@ class Anchored:
         units[:, n:] = modes.vectors.sum(axis=2) / rates.sum(axis=(1, 2))[:, None]
         return rows, units
 
-    def motion(self, curve: PeriodicCurve, mass: Array) -> tuple[PeriodicCurve, Array]:
+    def motion(self, curve: Kind, mass: Array) -> tuple[Kind, Array]:
         """Return the motion q of the points and the secular motion (P, r) of each mode, as a derivative with
         respect to the phase.
 
@@ -169,19 +153,20 @@ class Anchored:
         matrix `mass` (P, n, n). If C e ≠ 0, the secular motion is a steady velocity, which the returned curve
         contains as `drift`. Otherwise it is an acceleration, which the curve does not contain."""
         modes, (alpha, beta) = self.modes, self._rates
-        shares = _Shares.from_curve(curve, self.measures)
-        first = shares.integrated()
-        second = first.integrated()
+        amplitudes = curve.combined(self.measures)
+        first = amplitudes.antiderivative()
+        second = first.antiderivative()
         undamped = ~modes.damped & modes.present
-        secular = np.where(undamped, alpha * beta, alpha) * shares.means
-        by_first, by_second = alpha + beta * undamped, alpha * beta * undamped
-        raised = shares.sum(curve, modes.vectors, (first, by_first), (second, by_second))
+        secular = np.where(undamped, alpha * beta, alpha) * amplitudes.mean
+        for integral, factors in ((first, alpha + beta * undamped), (second, alpha * beta * undamped)):
+            curve = curve.plus(integral.combined(modes.vectors * factors[:, None]))
         drift = np.einsum("pjr,pr->pj", modes.vectors, np.where(undamped, 0.0, secular))
         if self.drift is not None:
             drift = drift + self.drift
             secular = secular + np.where(undamped, 0.0, np.squeeze(self.measures @ self.drift[..., None], -1))
-        level = np.einsum("pjr,pr->pj", modes.vectors, _Shares.from_curve(raised, modes.weighted(mass)).means)
-        return _lowered(raised, level, drift), secular
+        mean = curve.combined(modes.weighted(mass)).mean
+        level = np.einsum("pjr,pr->pj", modes.vectors, mean)
+        return curve.shifted(-level, drift if drift.any() else None), secular
 
 
 def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> tuple[Array, Array, Array]:
@@ -200,91 +185,3 @@ def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> 
     if not terms:
         return of_matrix[:0], of_matrix[:0], tables.coefficients[:, :0]
     return np.concatenate(terms), np.concatenate(entry), np.concatenate(coefficients, axis=1)
-
-
-@dataclass(frozen=True)
-class _Shares:
-    """Amplitudes (P, r) of rigid-body modes as functions of the phase."""
-
-    nodes: Array
-    coefficients: Array
-
-    @classmethod
-    def from_curve(cls, curve: PeriodicCurve, rows: Array) -> "_Shares":
-        """Products of the rows (P, r, n) and the coordinates (P, n) of a curve."""
-        assert isinstance(curve, Curve | FourierCurve)
-        parts = curve.coefficients
-        amplitudes = rows @ parts.reshape(*parts.shape[:2], -1)
-        shares = amplitudes.reshape(*amplitudes.shape[:2], *parts.shape[2:])
-        return (_Pieces if isinstance(curve, Curve) else _Series)(curve.nodes, shares)
-
-    @property
-    def means(self) -> Array:
-        raise NotImplementedError
-
-    def integrated(self) -> "_Shares":
-        """Integral of the functions minus their means. The integral has zero mean."""
-        raise NotImplementedError
-
-    def sum(self, curve: PeriodicCurve, vectors: Array, *parts: "tuple[_Shares, Array]") -> PeriodicCurve:
-        """Return the curve plus a motion along the vectors (P, n, r). Its amplitudes are the sum over
-        `parts`, each of which consists of functions and of their factors (P, r)."""
-        assert isinstance(curve, Curve | FourierCurve)
-        degrees = max(curve.coefficients.shape[-1], *(each.coefficients.shape[-1] for each, _ in parts))
-        total = np.zeros((*curve.coefficients.shape[:-1], degrees), dtype=curve.coefficients.dtype)
-        total[..., : curve.coefficients.shape[-1]] = curve.coefficients
-        for each, factors in parts:
-            added = np.einsum("pjr,pr,pr...->pj...", vectors, factors, each.coefficients)
-            total[..., : added.shape[-1]] += added
-        return type(curve)(curve.nodes, total)
-
-
-class _Pieces(_Shares):
-    """Piecewise polynomials with coefficients (P, r, m, D): D per step, m steps."""
-
-    @property
-    def means(self) -> Array:
-        return np.asarray(self._of_steps.sum(axis=-1) / self.nodes[-1])
-
-    @property
-    def _of_steps(self) -> Array:
-        """Integrals (P, r, m) over each step."""
-        count = self.coefficients.shape[-1]
-        return (self.coefficients @ (1 / np.arange(1, count + 1))) * np.diff(self.nodes)
-
-    def integrated(self) -> "_Shares":
-        h, count = np.diff(self.nodes), self.coefficients.shape[-1]
-        left = self.coefficients.copy()
-        left[..., 0] -= self.means[..., None]
-        coefficients = np.zeros((*left.shape[:-1], count + 1))
-        coefficients[..., 1:] = left * h[:, None] / np.arange(1, count + 1)
-        gained = coefficients.sum(axis=-1)
-        coefficients[..., 0] = np.cumsum(gained, axis=-1) - gained
-        found = _Pieces(self.nodes, coefficients)
-        coefficients[..., 0] -= found.means[..., None]
-        return found
-
-
-class _Series(_Shares):
-    """Fourier series with coefficients (P, r, N+1)."""
-
-    @property
-    def means(self) -> Array:
-        return np.real(self.coefficients[..., 0])
-
-    def integrated(self) -> "_Shares":
-        rates = 2j * np.pi / self.nodes[-1] * np.arange(self.coefficients.shape[-1])
-        rates[0] = np.inf
-        return _Series(self.nodes, self.coefficients / rates)
-
-
-def _lowered(curve: PeriodicCurve, level: Array, drift: Array) -> PeriodicCurve:
-    """Subtract the constants `level` (P, n) from curves. The result has `drift` (P, n) as its drift, or none
-    if `drift` is zero."""
-    assert isinstance(curve, Curve | FourierCurve)
-    coefficients = curve.coefficients
-    if isinstance(curve, Curve):
-        coefficients[..., 0] -= level[..., None]
-    else:
-        coefficients[..., 0] -= level
-    return type(curve)(curve.nodes, coefficients, drift=drift if drift.any() else None)

@@ -4,14 +4,15 @@ Arrays may have a leading axis of points, here `…`. Each point has its own cur
 nodes."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, Protocol, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 
 _QUINTIC = np.linalg.inv(
     # Rows: q, q', q'' at the step's start, then at its end; columns: powers 0 … 5 of θ.
@@ -40,57 +41,91 @@ _ALIKE = 4e-13
 displacement of phases at jumps."""
 
 
-class PeriodicCurve(Protocol):
-    """Periodic curves. `nodes` (m+1,) are phases from 0 to the period."""
+@dataclass(frozen=True)
+class PeriodicCurve(ABC):
+    """Periodic curves. `nodes` (m+1,) are phases from 0 to the period.
 
-    @property
-    def nodes(self) -> Array: ...
+    The curves are linear in `coefficients`, whose axis of the n coordinates is followed by `_AXES` axes.
+    drift (…, n): steady velocity of a free machine with respect to the phase. It is contained in the first
+    derivative but not in q."""
 
-    @property
-    def drift(self) -> Array | None: ...
+    nodes: Array
+    coefficients: Array
+    drift: Array | None = None
+
+    _AXES: ClassVar[int]
 
     @property
     def n(self) -> int:
         """Number of coordinates."""
-        ...
+        return self.coefficients.shape[-1 - self._AXES]
 
-    @property
+    @cached_property
     def finite(self) -> Array:
         """Whether each curve (…) is finite."""
-        ...
+        with np.errstate(invalid="ignore"):
+            return np.isfinite(self.coefficients.sum(axis=tuple(range(-1 - self._AXES, 0))))
+
+    @property
+    @abstractmethod
+    def mean(self) -> Array:
+        """Mean over the period (…, n)."""
+
+    @abstractmethod
+    def antiderivative(self) -> Self:
+        """Return the periodic antiderivative, with mean zero, of q minus its mean."""
 
     def __getitem__(self, points: Any) -> Self:
         """Curves of a selection of points, or of one point."""
-        ...
+        drift = None if self.drift is None else self.drift[points]
+        return type(self)(self.nodes, self.coefficients[points], drift)
 
+    @abstractmethod
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
         """Return q, or a derivative of q with respect to the phase, as (…, n, k) at phases (k,) in any
         period."""
-        ...
 
+    @abstractmethod
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
         """Return q, or a derivative of q, as (…, n, m · a_step). The phases divide each step into `a_step`
         equal intervals and include its start."""
-        ...
 
+    @abstractmethod
     def each(self, phase: Array, derivative: int = 0) -> Array:
         """Return q, or a derivative of q, as (…, n, k) at phases (…, n, k) that differ between
         coordinates."""
-        ...
+
+    def combined(self, rows: Array) -> Self:
+        """Return the products of rows (P, r, n) and the coordinates of P curves, without drift."""
+        points, n, *others = self.coefficients.shape
+        products = rows @ self.coefficients.reshape(points, n, -1)
+        return type(self)(self.nodes, products.reshape(points, -1, *others))
+
+    def plus(self, other: Self) -> Self:
+        """Return the sum with curves of the same kind and nodes, without drift. The numbers of coefficients
+        may differ."""
+        fewer, more = sorted((self.coefficients, other.coefficients), key=lambda each: each.shape[-1])
+        total = more.copy()
+        total[..., : fewer.shape[-1]] += fewer
+        return type(self)(self.nodes, total)
+
+    def shifted(self, level: Array, drift: Array | None = None) -> Self:
+        """Return the sum with constants `level` (…, n). The result has the given drift."""
+        coefficients = self.coefficients.copy()
+        coefficients[..., 0] += level.reshape(*level.shape, *[1] * (self._AXES - 1))
+        return type(self)(self.nodes, coefficients, drift)
 
 
 @dataclass(frozen=True)
-class Curve:
+class Curve(PeriodicCurve):
     """Piecewise polynomial q(phase), in powers of θ = (phase - node)/h on each step.
 
-    nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether the
-    coefficients are finite; None if not yet determined. drift (…, n): steady velocity of a free machine with
-    respect to the phase. It is contained in the first derivative but not in q."""
+    coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether the coefficients are
+    finite; None if not yet determined."""
 
-    nodes: Array
-    coefficients: Array
     known_finite: Array | None = None
-    drift: Array | None = None
+
+    _AXES = 2
 
     @classmethod
     def quintic(cls, nodes: Array, q: Array, v: Array, a_start: Array, a_end: Array) -> "Curve":
@@ -119,33 +154,28 @@ class Curve:
         """Curve of the coordinates of this curve, followed by those of another curve with the same nodes."""
         return Curve(self.nodes, np.concatenate((self.coefficients, other.coefficients), axis=-3))
 
-    @property
-    def n(self) -> int:
-        return self.coefficients.shape[-3]
-
     @cached_property
     def h(self) -> Array:
         """Lengths of the steps (m,)."""
         return np.diff(self.nodes)
 
-    @property
-    def finite(self) -> Array:
-        return self._finite if self.known_finite is None else self.known_finite
-
     @cached_property
-    def _finite(self) -> Array:
-        with np.errstate(invalid="ignore"):
-            return np.isfinite(self.coefficients.sum(axis=(-3, -2, -1)))
+    def finite(self) -> Array:
+        return super().finite if self.known_finite is None else self.known_finite
 
     @property
     def mean(self) -> Array:
-        """Mean over the period (…, n)."""
         powers = 1 / np.arange(1, self.coefficients.shape[-1] + 1)
         return np.asarray((self.coefficients @ powers) @ self.h / self.nodes[-1])
 
-    def __getitem__(self, points: Any) -> "Curve":
-        drift = None if self.drift is None else self.drift[points]
-        return Curve(self.nodes, self.coefficients[points], drift=drift)
+    def antiderivative(self) -> "Curve":
+        powers = np.arange(1, self.coefficients.shape[-1] + 1)
+        coefficients = np.zeros((*self.coefficients.shape[:-1], len(powers) + 1))
+        coefficients[..., 1:] = self.shifted(-self.mean).coefficients * self.h[:, None] / powers
+        gained = coefficients.sum(axis=-1)
+        coefficients[..., 0] = np.cumsum(gained, axis=-1) - gained
+        found = Curve(self.nodes, coefficients)
+        return found.shifted(-found.mean)
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
         return self.states(phase, (derivative,))[0]
@@ -239,11 +269,6 @@ def with_drift(values: Array, drift: Array | None, derivative: int) -> Array:
     return values if drift is None or derivative != 1 else values + drift[..., None]
 
 
-def without_drift(curve: PeriodicCurve) -> PeriodicCurve:
-    """Return the curve without its steady velocity."""
-    return replace(curve, drift=None) if isinstance(curve, Curve | FourierCurve) else curve
-
-
 def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
     """Derivative with respect to θ of polynomials (…, D) at θ (…)."""
     factors = _falling(pieces.shape[-1], derivative)
@@ -261,13 +286,11 @@ def _falling(powers: int, count: int) -> Array:
 
 
 @dataclass(frozen=True)
-class FourierCurve:
+class FourierCurve(PeriodicCurve):
     """Fourier series q(phase) = Re Σ_k coefficients[…, k] exp(ik 2π phase/period), with complex coefficients
-    (…, n, N+1). drift: see `Curve`."""
+    (…, n, N+1)."""
 
-    nodes: Array
-    coefficients: Array
-    drift: Array | None = None
+    _AXES = 1
 
     @classmethod
     def through(cls, nodes: Array, q: Array) -> "FourierCurve":
@@ -278,16 +301,13 @@ class FourierCurve:
         return cls(nodes, coefficients)
 
     @property
-    def n(self) -> int:
-        return self.coefficients.shape[-2]
+    def mean(self) -> Array:
+        return np.real(self.coefficients[..., 0])
 
-    @property
-    def finite(self) -> Array:
-        return np.isfinite(self.coefficients.sum(axis=(-2, -1)))
-
-    def __getitem__(self, points: Any) -> "FourierCurve":
-        drift = None if self.drift is None else self.drift[points]
-        return FourierCurve(self.nodes, self.coefficients[points], drift)
+    def antiderivative(self) -> "FourierCurve":
+        rates = self._rates
+        rates[0] = np.inf
+        return FourierCurve(self.nodes, self.coefficients / rates)
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
         rates = self._rates
@@ -296,7 +316,7 @@ class FourierCurve:
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
         count = (len(self.nodes) - 1) * a_step
-        return self(np.arange(count) * (self.nodes[-1] / count), derivative)
+        return self(uniform_phases(count, self.nodes[-1]), derivative)
 
     def each(self, phase: Array, derivative: int = 0) -> Array:
         rates = self._rates

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array, covers_all, solved
+from solve.arrays import Array, covers_all, midpoint_phases, solved
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.matrices import by_rates, leading, split_entries
@@ -25,14 +25,11 @@ from solve.period.pencils import (
     quadratic_roots,
     spectral_radius_within_one,
 )
-from solve.period.points import Points, ScaledEquations, Tables, rate_of
+from solve.period.points import Points, ScaledEquations, Tables, entry_phases, rate_of
 from solve.period.rigid_body import ROUNDING, RigidBodyModes, may_be_singular, rigid_body_modes
 
 PHASES = 128
 """Number of phases at which coefficients are frozen by default. Chosen by judgement."""
-
-_ENTRY_PHASES = 16
-"""Approximate number of phases at which the sizes of entries are determined. Chosen by judgement."""
 
 _BALANCED = 64.0
 """Largest ratio between rows, or between the entries of a column, for which elimination loses few digits.
@@ -75,7 +72,7 @@ class FrozenModes:
     @property
     def phases(self) -> Array:
         """Phases (k,) at which the coefficients are frozen."""
-        return _midpoints(self._tables.table.shape[-2], self.period)
+        return midpoint_phases(self._tables.table.shape[-2], self.period)
 
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
@@ -96,13 +93,13 @@ class FrozenModes:
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
         """M, C and K (P, k, n, n) with respect to the phase."""
-        M, C, K = self._matrices_at(slice(None)).transpose(0, 3, 4, 1, 2)
+        M, C, K = self._matrices_at().transpose(0, 3, 4, 1, 2)
         return M, C, K
 
     @property
     def mean_mass(self) -> Array:
         """Mean of M over the period (P, n, n)."""
-        return np.moveaxis(self._matrices_at(slice(None))[0].mean(axis=-1), -1, 0)
+        return np.moveaxis(self._matrices_at()[0].mean(axis=-1), -1, 0)
 
     @cached_property
     def _fields(self) -> Array:
@@ -117,9 +114,9 @@ class FrozenModes:
         """Lower and upper bounds (3n² + n, P) of the entries."""
         return self._tables.ranges()
 
-    def _matrices_at(self, phases: Array | slice) -> Array:
+    def _matrices_at(self, phases: slice = slice(None)) -> Array:
         """M, C and K (3, n, n, P, k') at the selected phases."""
-        if self._parent is not None and "_fields" not in self.__dict__ and isinstance(phases, slice):
+        if self._parent is not None and "_fields" not in self.__dict__:
             # Less data are copied if phases are selected before points.
             fields, positions = self._parent
             fields = fields[..., phases][:, positions]
@@ -127,7 +124,7 @@ class FrozenModes:
             fields = self._fields[..., phases]
         return fields[: 3 * self.n**2].reshape(3, self.n, self.n, *fields.shape[1:])
 
-    def _rates_at(self, phases: Array | slice) -> Array:
+    def _rates_at(self, phases: slice = slice(None)) -> Array:
         """M, C and K at the selected phases, in the form that `_matrices_at` returns, with the rates of
         first-order coordinates as unknowns."""
         return fields_by_rates(self._matrices_at(phases), self._first_order)
@@ -144,9 +141,9 @@ class FrozenModes:
             steady = (low[0] > _STEADY * high[0]) | (high[0] < _STEADY * low[0])
             if steady.all():
                 return steady
-        return has_steady_determinant(self._rates_at(slice(None))[0], _STEADY)
+        return has_steady_determinant(self._rates_at()[0], _STEADY)
 
-    def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
+    def eigenvalues(self, phases: slice = slice(None)) -> Array:
         """Eigenvalues λ (P, k, N) per radian of the phase, of the coefficients frozen at the selected
         phases."""
         if self._is_oscillator:
@@ -217,7 +214,7 @@ class FrozenModes:
         the case for all points."""
         if self.n == 1:
             return None
-        entries = self._rates_at(slice(None))
+        entries = self._rates_at()
         sizes = np.abs(entries[..., entry_phases(entries.shape[-1])]).max(axis=-1)
         diagonals = np.einsum("aiip->aip", sizes)
         with np.errstate(over="ignore"):
@@ -273,7 +270,7 @@ class FrozenModes:
         """Return rows (k, r, n) of C and K at all phases, for the points with indices `points` (k,). If there
         are rigid-body modes, the equations are solved for the accelerations and projected onto the
         coordinates relative to the modes. The projected equations contain no acceleration along the modes."""
-        M, C, K = np.moveaxis(self._matrices_at(slice(None))[..., points, :], (3, 4), (1, 2))
+        M, C, K = np.moveaxis(self._matrices_at()[..., points, :], (3, 4), (1, 2))
         modes = None if self.rigid_body_modes is None else self.rigid_body_modes[points]
         if modes is not None and modes.any.any():
             relative, mask = modes.relative
@@ -289,7 +286,7 @@ class FrozenModes:
 
         They are the square root of the mean inertia for rates, the square root of the mean stiffness for
         coordinates (of the inertia if that is larger), and 1 for first-order coordinates."""
-        matrices = self._matrices_at(slice(None))[::2][..., points, :]
+        matrices = self._matrices_at()[::2][..., points, :]
         diagonals = np.abs(np.einsum("aiipk->apik", matrices)).mean(axis=-1)
         inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
         units = np.sqrt(np.concatenate((np.maximum(stiffness, inertia), inertia), axis=-1))
@@ -319,7 +316,7 @@ class FrozenModes:
             # The stiffest phase of the middle point is an estimate for all points.
             middle = self[rows][np.array([len(rows) // 2])]
             stiffest = int(middle._largest_rates()[0].argmax())
-            exceeds[rows] = self[rows]._at_phase(stiffest)._largest_rates()[:, 0] > rate
+            exceeds[rows] = self[rows]._largest_rates(np.s_[stiffest : stiffest + 1])[:, 0] > rate
             rows = rows[~exceeds[rows]]
         if len(rows):
             exceeds[rows] = (self[rows]._largest_rates() > rate).any(axis=1)
@@ -360,24 +357,19 @@ class FrozenModes:
         return is_within
 
     def _bounded_by_ranges(self, rate: Array | float) -> Array:
-        """Return a mask (P,) of the points for which the ranges of the entries prove |C/M| + |K/M|/rate ≤
-        rate. It is False for several coordinates, and for terms that differ between points."""
-        if not self._is_oscillator or self._tables.per_point:
+        """Return a mask (P,) of the points for which the ranges of the entries of an oscillator prove |C/M| +
+        |K/M|/rate ≤ rate. It is False for terms that differ between points."""
+        if self._tables.per_point:
             return np.zeros(len(self), dtype=bool)
         low, high = self._ranges
         C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3]))
         with np.errstate(all="ignore"):
             return (low[0] > 0) & (C / low[0] + K / low[0] / rate <= rate)
 
-    def _at_phase(self, phase: int) -> "FrozenModes":
-        entries = np.moveaxis(self._fields[..., phase : phase + 1], 0, -1)
-        tables = Tables.from_entries(entries, self.n, self._first_order)
-        return FrozenModes(tables, self.period, self._engine)
-
-    def _largest_rates(self) -> Array:
-        """Return the larger of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C) at each phase, as an array (P, k); ρ is the spectral
-        radius."""
-        M, C, K = np.moveaxis(self._rates_at(slice(None)), (3, 4), (1, 2))
+    def _largest_rates(self, phases: slice = slice(None)) -> Array:
+        """Return the larger of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C) at the selected phases, as an array (P, k); ρ is the
+        spectral radius."""
+        M, C, K = np.moveaxis(self._rates_at(phases), (3, 4), (1, 2))
         if self.n == 1:
             stiffness, damping = (np.abs(matrix[..., 0, 0] / M[..., 0, 0]) for matrix in (K, C))
         else:
@@ -387,24 +379,13 @@ class FrozenModes:
     def _ratios(self) -> tuple[Array, Array]:
         """Return M⁻¹C and M⁻¹K as arrays (n, n, P, k). For a first-order coordinate, its rate replaces the
         acceleration."""
-        M, C, K = self._rates_at(slice(None))
+        M, C, K = self._rates_at()
         return mass_normalised(M, C, K, self._first_order)
 
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:
     """Modes of `points` with coefficients frozen at `phases` phases."""
-    return FrozenModes(points.tables(_midpoints(phases, points.period)), points.period, engine)
-
-
-def _midpoints(count: int, period: float) -> Array:
-    """Midpoints of `count` equal intervals of the period."""
-    return (np.arange(count) + 0.5) * (period / count)
-
-
-def entry_phases(count: int) -> slice:
-    """Return a slice that selects about `_ENTRY_PHASES` of `count` phases. The sizes of entries are evaluated
-    at the selected phases."""
-    return slice(None, None, max(1, count // _ENTRY_PHASES))
+    return FrozenModes(points.tables(midpoint_phases(phases, points.period)), points.period, engine)
 
 
 def balanced(points: Points, modes: FrozenModes) -> Points:

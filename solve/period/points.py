@@ -3,17 +3,19 @@ speed.
 
 A point has 3n² + n entries: Ω²M, ΩC and K in row order, then d. Derivatives are with respect to the phase."""
 
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from solve.arrays import Array, solved
-from solve.capabilities import Evaluation
 from solve.contracts import Matrices
 from solve.equations import used_entries_of
 from solve.matrices import leading, split_entries
 from solve.system import PeriodicSystem
+
+_ENTRY_PHASES = 16
+"""Approximate number of phases at which the sizes of entries are determined. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
@@ -121,69 +123,48 @@ class Tables:
         return self.per_point and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n
 
 
-class Points(Protocol):
-    """Protocol of batches of P points with n coordinates. A batch has a period in phase, and breaks: the
-    phases at which the matrices jump.
+def entry_phases(count: int) -> slice:
+    """Return a slice that selects about `_ENTRY_PHASES` of `count` phases. The sizes of entries are evaluated
+    at the selected phases."""
+    return slice(None, None, max(1, count // _ENTRY_PHASES))
+
+
+class Points(ABC):
+    """Batch of P points with n coordinates. A batch has a period in phase, and breaks: the phases at which
+    the matrices jump.
 
     first_order: number of coordinates without second derivatives. These coordinates come last. The state x =
     (q, q′) contains all n coordinates, and the rates of those with second derivatives.
     bytes_a_phase: bytes per point and phase of tables that are not shared. alone: whether this is a single
     point that is not part of a batch."""
 
-    @property
-    def n(self) -> int: ...
+    bytes_a_phase: int = 0
+    alone: bool = False
 
-    @property
-    def first_order(self) -> int: ...
+    def __init__(self, n: int, period: float, breaks: tuple[float, ...] = (), first_order: int = 0):
+        self.n, self.period, self.breaks, self.first_order = n, period, breaks, first_order
 
-    @property
-    def period(self) -> float: ...
+    @abstractmethod
+    def __len__(self) -> int:
+        """Number of points."""
 
-    @property
-    def breaks(self) -> tuple[float, ...]: ...
-
-    @property
-    def bytes_a_phase(self) -> int: ...
-
-    @property
-    def alone(self) -> bool: ...
-
-    def __len__(self) -> int: ...
-
+    @abstractmethod
     def __getitem__(self, positions: Array) -> "Points":
         """Points with the indices `positions` (k,)."""
-        ...
 
+    @abstractmethod
     def tables(self, phase: Array) -> Tables:
         """Tables at phases (k,)."""
-        ...
 
 
-@dataclass(frozen=True)
-class _OfSystem:
-    """Base class of points that belong to one system."""
-
-    system: PeriodicSystem
-    n: int = field(init=False)
-    first_order: int = field(init=False)
-    period: float = field(init=False)
-    breaks: tuple[float, ...] = field(init=False)
-    bytes_a_phase: int = field(default=0, init=False)
-    evaluation: Evaluation | None = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "first_order", len(self.system.states))
-        object.__setattr__(self, "evaluation", self.system.capabilities.evaluation)
-        for name in ("n", "period", "breaks"):
-            object.__setattr__(self, name, getattr(self.system, name))
-
-
-@dataclass(frozen=True)
-class SinglePoint(_OfSystem):
+class SinglePoint(Points):
     """One system at one speed in rad/s."""
 
-    speed: float
-    alone: bool = field(default=True, init=False)
+    alone = True
+
+    def __init__(self, system: PeriodicSystem, speed: float):
+        super().__init__(system.n, system.period, system.breaks, len(system.states))
+        self.system, self.speed, self._evaluation = system, speed, system.capabilities.evaluation
 
     def __len__(self) -> int:
         return 1
@@ -193,20 +174,20 @@ class SinglePoint(_OfSystem):
 
     def tables(self, phase: Array) -> Tables:
         speeds = np.array([self.speed])
-        terms = None if self.evaluation is None else self.evaluation.terms(phase, speeds)
+        terms = None if self._evaluation is None else self._evaluation.terms(phase, speeds)
         if terms is None:
             entries, numbers = used_entries_of(self.system, phase, self.speed)
             return Tables(entries[None], np.ones((1, len(numbers))), numbers, self.n, self.first_order)
         return Tables(*terms, self.n, self.first_order)
 
 
-@dataclass(frozen=True)
-class SpeedPoints(_OfSystem):
+class SpeedPoints(Points):
     """One system at speeds (P,) in rad/s. Its entries must be sums of terms that do not depend on the speed,
     with coefficients that do."""
 
-    speeds: Array
-    alone: bool = field(default=False, init=False)
+    def __init__(self, system: PeriodicSystem, speeds: Array):
+        super().__init__(system.n, system.period, system.breaks, len(system.states))
+        self.system, self.speeds, self._evaluation = system, speeds, system.capabilities.evaluation
 
     def __len__(self) -> int:
         return len(self.speeds)
@@ -215,23 +196,18 @@ class SpeedPoints(_OfSystem):
         return SpeedPoints(self.system, self.speeds[positions])
 
     def tables(self, phase: Array) -> Tables:
-        assert self.evaluation is not None
-        terms = self.evaluation.terms(phase, self.speeds)
+        assert self._evaluation is not None
+        terms = self._evaluation.terms(phase, self.speeds)
         assert terms is not None
         return Tables(*terms, self.n, self.first_order)
 
 
-class DerivedPoints:
+class DerivedPoints(Points):
     """Base class of points whose tables are computed from the tables of other points."""
 
     def __init__(self, points: Points):
-        self.points, self.n, self.first_order = points, points.n, points.first_order
-        self.period, self.breaks = points.period, points.breaks
-        self.bytes_a_phase = points.bytes_a_phase
-
-    @property
-    def alone(self) -> bool:
-        return self.points.alone
+        super().__init__(points.n, points.period, points.breaks, points.first_order)
+        self.points, self.alone, self.bytes_a_phase = points, points.alone, points.bytes_a_phase
 
     def __len__(self) -> int:
         return len(self.points)

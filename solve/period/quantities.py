@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arguments import SMALL
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.contracts import Formulas
 from solve.equations import output_formulas, output_values
 from solve.kernel import formulas as kernel
@@ -49,7 +49,7 @@ class Quantities:
         """Samples (P, q, k) at `a_step` phases per step. They are uniform over the period even on nonuniform
         grids."""
         count = a_step * (len(self.curve.nodes) - 1)
-        phase, even = np.arange(count) * (self.period / count), self._uniform
+        phase, even = uniform_phases(count, self.period), self._uniform
         states = (
             (self.curve.sampled(a_step, order) if even else self.curve(phase, order)) for order in range(3)
         )
@@ -197,6 +197,6 @@ def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve
 def repeats_early(curve: PeriodicCurve, periods: int) -> bool:
     """Whether a curve over several periods already repeats after the first one."""
     last = float(curve.nodes[-1])
-    phase = np.arange(_SAMPLES) * (last / _SAMPLES)
+    phase = uniform_phases(_SAMPLES, last)
     q, later = curve(phase), curve(phase + last / periods)
     return bool((np.abs(later - q).max(axis=1) <= _REPEATS * np.abs(q).max(axis=1)).all())

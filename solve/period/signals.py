@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from solve.arguments import conforms, described, matches_annotations, require_integer, require_size
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.contracts import Statistics
 from solve.errors import ValueOutOfBoundsError
 
@@ -197,7 +197,7 @@ def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLE
     require_size("samples", samples)
     if not 0 < period < math.inf:
         raise ValueOutOfBoundsError(f"period is {period}; allowed: finite and > 0, such as 2 * np.pi")
-    values = signal(np.arange(samples) * (period / samples))
+    values = signal(uniform_phases(samples, period))
     if np.shape(values) != (samples,) or not conforms(values, Array):
         raise ValueOutOfBoundsError(
             f"'signal' returns {described(values)}; it must return a real value for each of its phases"
@@ -233,4 +233,4 @@ def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SA
     `spectrum` returns. Harmonic k has k cycles per period. Raises ValueOutOfBoundsError for an invalid
     count."""
     enough = enough_samples(samples, count)
-    return spectrum(signal(np.arange(enough) * (period / enough)), count)
+    return spectrum(signal(uniform_phases(enough, period)), count)

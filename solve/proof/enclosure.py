@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.errors import ResonanceError
 from solve.model.model import Model
 from solve.period.multipliers import UNDETERMINED, VERDICTS
@@ -177,7 +177,7 @@ def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, ro
 def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation:
     """Equation in ball arithmetic of a system at a speed in rad/s. rounded: see `solve.prove`."""
     instructions = Instructions.from_function(linearised(system), partial(number, rounded=rounded))
-    phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
+    phases = uniform_phases(_SAMPLES, system.period)
     M, C, K, d = system.at(phases, omega)
     samples = M, C / omega, K / omega**2, d / omega**2
     parameters = system.setup.p if isinstance(system, Model) else ()

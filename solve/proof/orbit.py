@@ -2,6 +2,8 @@
 
 import heapq
 import math
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from solve.errors import ResonanceError
 from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, largest
@@ -54,19 +56,28 @@ def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[lis
 
 
 def largest_modulus(pieces: list[tuple[list[Ball], Ball]], width: float = _WIDTH) -> tuple[Ball, Ball]:
-    """Return a lower and an upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and over all polynomials p.
+    """Return a lower and an upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and over all polynomials
+    p."""
+    return maximum([partial(_on, piece) for piece in pieces], width, _CELLS)
 
-    The interval with the largest upper bound is halved until this bound is close to the largest lower bound.
-    Bounds are rounded up to doubles, so that they can be sorted exactly."""
-    low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(pieces))]
-    for _ in range(_CELLS):
+
+def maximum(
+    bounds: Sequence[Callable[[float, float], tuple[Ball, Ball]]], width: float, cells: int
+) -> tuple[Ball, Ball]:
+    """Return a lower and an upper bound on the maximum of several functions of τ over 0 ≤ τ ≤ 1.
+
+    bounds: for each function, a lower bound on its maximum and an upper bound, over an interval of τ. The
+    interval with the largest upper bound is halved until this bound is close to the largest lower bound, or
+    `cells` intervals are halved. Bounds are rounded up to doubles, so that they can be sorted exactly."""
+    low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(bounds))]
+    for _ in range(cells):
         bound, at, start, end = heap[0]
         if (low > 0 and arb(-bound) - low < width * low) or end - start < _SHORTEST:
             break
         heapq.heappop(heap)
         middle = (start + end) / 2
         for first, second in ((start, middle), (middle, end)):
-            least, most = _on(pieces[at], first, second)
+            least, most = bounds[at](first, second)
             low = least if least > low else low
             heapq.heappush(heap, (-above(most), at, first, second))
     return low, arb(-heap[0][0])

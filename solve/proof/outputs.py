@@ -6,17 +6,15 @@ On a step, y = Ỹx + E with the exact polynomial Ỹ and ‖E‖ ≤ ε‖x‖ 
 with respect to τ. Hence q, q̇ and q̈ are polynomials with bounded errors. On an interval of τ, the
 second-order mean value form encloses them in balls, for which the generated function is evaluated."""
 
-import heapq
-import math
 from dataclasses import dataclass, field
 from functools import partial
 
 from solve.errors import LinearModelError
 from solve.model.model import Model
-from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, largest, number
+from solve.proof.balls import Ball, Matrix, arb, arb_mat, largest, number
 from solve.proof.equation import Equation
 from solve.proof.instructions import Instructions, UndecidedError
-from solve.proof.orbit import derivatives_on
+from solve.proof.orbit import derivatives_on, maximum
 from solve.proof.turn import Turn
 from solve.system import PeriodicSystem
 
@@ -64,20 +62,14 @@ class Outputs:
     def largest_modulus(self, number: int) -> tuple[Ball, Ball]:
         """Return a lower and an upper bound on the maximum modulus of an output. The upper bound is infinite
         if the branch of a piecewise operation is undecided."""
-        low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(self.turn.steps))]
-        for _ in range(_CELLS):
-            bound, at, start, end = heap[0]
-            if low > 0 and arb(-bound) - low < _WIDTH * low:
-                break
-            heapq.heappop(heap)
-            middle = (start + end) / 2
-            for first, second in ((start, middle), (middle, end)):
-                center = (first + second) / 2
-                least = self._on(at, center, center)[number].abs_lower()
-                low = least if least > low else low
-                most = self._on(at, first, second)[number].abs_upper()
-                heapq.heappush(heap, (-above(most), at, first, second))
-        return low, arb(-heap[0][0])
+        steps = range(len(self.turn.steps))
+        return maximum([partial(self._bounds, number, at) for at in steps], _WIDTH, _CELLS)
+
+    def _bounds(self, number: int, at: int, start: float, end: float) -> tuple[Ball, Ball]:
+        """Return a lower and an upper bound on the maximum modulus of an output on an interval of a step."""
+        center = (start + end) / 2
+        low, high = self._on(at, center, center)[number], self._on(at, start, end)[number]
+        return low.abs_lower(), high.abs_upper()
 
     def _on(self, at: int, start: float, end: float) -> list[Ball]:
         """Balls that contain the outputs on an interval of the step with index `at`."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arguments import matches_annotations
 from solve.array_files import require_file
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.errors import FileError, ValueOutOfBoundsError, require_name
 from solve.first_order import Signals
 from solve.readers.files import checked_path
@@ -154,7 +154,7 @@ def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[
     number k of azimuths is doubled until it suffices or reaches its maximum."""
     count = _FEWEST_AZIMUTHS
     while True:
-        states = motion(np.arange(count) * (duration / count)).T
+        states = motion(uniform_phases(count, duration)).T
         jacobians = _jacobians(unit, states, duration)
         N = len(unit.states)
         rows, columns = np.r_[kept, N : jacobians.shape[1]], np.r_[kept, N : jacobians.shape[2]]

@@ -8,8 +8,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.equations import warnings_of
+from solve.errors import listed
 from solve.results.contents import Column, Columns, HeaderRows, digits, speeds_of
-from solve.results.formatting import listed
 from solve.results.result import Figure, Result
 from solve.results.serialization import serializable, stored_property
 from solve.results.sweep import Sweep

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arguments import matches_annotations
-from solve.arrays import Array, symmetric_of
+from solve.arrays import Array, symmetric_of, uniform_phases
 from solve.first_order import FirstOrderSystem
 from solve.matrices import finite_phases
 from solve.period.curve import Curve
@@ -236,7 +236,7 @@ class Controller(Result):
     def _harmonics_of(self, function: Callable[[Array], Array]) -> Array:
         """Complex harmonics (13, …) of a function of the phase."""
         count = 16 * DEGREES
-        values = function(np.arange(count) * (self.system.period / count))
+        values = function(uniform_phases(count, self.system.period))
         transform = np.fft.rfft(values, axis=0)[: _HARMONICS + 1] * (2 / count)
         transform[0] /= 2
         return transform

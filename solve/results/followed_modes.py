@@ -9,10 +9,9 @@ import numpy as np
 from solve.arguments import matches_annotations
 from solve.arrays import Array
 from solve.equations import warnings_of
-from solve.errors import counted, require_name
+from solve.errors import counted, listed, require_name
 from solve.labels import unit_of
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
-from solve.results.formatting import listed
 from solve.results.result import ResultOver
 from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem

@@ -2,10 +2,8 @@
 
 import math
 import re
-from collections.abc import Sequence
 
 from solve.arrays import ROUND_OFF
-from solve.errors import MOST_NAMED
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
@@ -15,17 +13,6 @@ _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
 _SPELT = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
 _LETTERS: dict[str, str] = dict(zip(_SPELT.split(), "αβγδεζηθκλμνξρστφχψω", strict=True))
 _GREEK = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
-
-
-def listed(texts: Sequence[str]) -> str:
-    """Return a string that lists the first strings, separated by commas, and states the number of the
-    remaining ones.
-
-    >>> listed(["a", "b", "c", "d", "e"])
-    'a, b, c, d and 1 more'
-    """
-    more = len(texts) - MOST_NAMED
-    return ", ".join(texts[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def linearisation(error: float) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arguments import matches_annotations
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.certify.certified import Certified
 from solve.contracts import Statistics
 from solve.equations import output_values
@@ -130,7 +130,7 @@ class PeriodicMotion:
     @property
     def _sample_phases(self) -> Array:
         """Equidistant phases (samples,) over the period that resolve the curves."""
-        return np.arange(self.samples) * (self.system.period / self.samples)
+        return uniform_phases(self.samples, self.system.period)
 
     @cached_property
     def _coordinate_samples(self) -> Array:

@@ -12,12 +12,11 @@ from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.contracts import Statistics
 from solve.equations import exceeded_limits, judged_quantities, output_values, warnings_of
-from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError, counted
+from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError, counted, listed
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.quantities import repeats_early
 from solve.period.signals import LEAST_SAMPLES
 from solve.results.contents import HeaderRows
-from solve.results.formatting import listed
 from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion, QuasiStatic, SolvedMotion
 from solve.results.serialization import stored_property

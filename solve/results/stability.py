@@ -35,9 +35,9 @@ def short_verdict(verdict: str) -> str:
     """Return a short text for a verdict, for narrow columns.
 
     >>> short_verdict("asymptotically stable")
-    'asymptotic'
+    'asympt. stable'
     """
-    return verdict.removesuffix("ally stable")
+    return verdict.replace("asymptotically", "asympt.")
 
 
 def method_text(method: Method) -> str:

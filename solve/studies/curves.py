@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arguments import matches_annotations
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.batch.family import over_speed
 from solve.batch.task import task_of
 from solve.errors import MatricesError, StepsError
@@ -85,7 +85,7 @@ class PeriodicCurves:
     def phase(self) -> Array:
         """Phases (k,) of the curves."""
         count = self.steps * self.samples
-        return np.arange(count) * (self.system.period / count)
+        return uniform_phases(count, self.system.period)
 
     @matches_annotations
     def __call__(self, speeds: float | str | Iterable[float | str]) -> SolvedCurves:

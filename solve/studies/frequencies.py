@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from solve.arguments import NUMBERS_A_POINT, described, require_size
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.contracts import Matrices
 from solve.equations import freedoms_of, most_frequencies, require_desired_motion
 from solve.errors import (
@@ -162,7 +162,7 @@ def turn(system: PeriodicSystem, count: int = TURN) -> Array:
             f"turn is {count}; allowed: 2 or more positions per period, such as {TURN}"
         )
     require_size("positions", count, NUMBERS_A_POINT)
-    return np.linspace(0.0, system.period, count, endpoint=False)
+    return uniform_phases(count, system.period)
 
 
 @of_system

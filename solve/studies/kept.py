@@ -9,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.named import Named
 from solve.studies.design_points import Design, DesignPoint
-from solve.studies.minimax import Equations, Limited
+from solve.studies.minimax import Equations, Excess
 from solve.studies.requirements import Kept
 from solve.studies.tracked import Curve, Differences, Single, Tracked, equal_extrema
 
@@ -43,7 +43,7 @@ class KeptValues:
             for place, quantity in enumerate(self.kept)
         ]
 
-    def limits(self) -> list[Limited]:
+    def limits(self) -> list[Excess]:
         """Limits on the changes of the quantities that have a tolerance."""
         limits = []
         for at in range(len(self.before)):
@@ -51,7 +51,7 @@ class KeptValues:
                 if quantity.tolerance is not None:
                     smooth = self.smooth(at, place)
                     change = _Change(smooth, smooth.values(self.design.start))
-                    limits.append(Limited(change, quantity.tolerance, quantity.tolerance))
+                    limits.append(Excess(change, quantity.tolerance, quantity.tolerance))
         return limits
 
     def smooth(self, at: int, place: int) -> Tracked:

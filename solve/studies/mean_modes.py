@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.arrays import EPS, ROUND_OFF, SPLIT, Array
+from solve.arrays import EPS, ROUND_OFF, SPLIT, Array, midpoint_phases
 from solve.period.multipliers import matched
 from solve.period.points import rate_of
 from solve.period.rigid_body import rigid_body_modes
@@ -81,7 +81,7 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     if len(system.states):
         return 0.0
     halves = np.s_[: system.n], np.s_[system.n : 2 * system.n]
-    phases = (np.arange(_FEW_PHASES) + 0.5) * system.period / _FEW_PHASES
+    phases = midpoint_phases(_FEW_PHASES, system.period)
     rate = rate_of(*system.at(phases, speed))[..., :-1]
     squares, values = np.linalg.eigvals(-rate[:, system.n :, : system.n]), np.linalg.eigvals(rate)
     rigid = int(rigid_body_modes(*(-rate[None, :, system.n :, half] for half in halves)).present.sum())

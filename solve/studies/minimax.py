@@ -23,26 +23,18 @@ digits, and each correction doubles the number of digits."""
 
 
 @dataclass(frozen=True)
-class Limited:
-    """Values that must not exceed a limit. In the optimisation they are divided by `scale`."""
+class Excess:
+    """Amounts by which values exceed a limit, divided by `scale`; negative if the limit is met."""
 
-    values: Tracked
+    tracked: Tracked
     limit: float
     scale: float
 
-
-@dataclass(frozen=True)
-class Excess:
-    """Amounts by which values exceed their limit, divided by the scale of the limit; negative if the limit is
-    met."""
-
-    limited: Limited
-
     def values(self, x: Array) -> Array:
-        return (self.limited.values.values(x) - self.limited.limit) / self.limited.scale
+        return (self.tracked.values(x) - self.limit) / self.scale
 
     def slopes(self, x: Array) -> Array:
-        return self.limited.values.slopes(x) / self.limited.scale
+        return self.tracked.slopes(x) / self.scale
 
 
 @dataclass(frozen=True)
@@ -56,7 +48,7 @@ class Equations:
 
 def minimised(
     objective: Sequence[Tracked],
-    limits: Sequence[Limited],
+    limits: Sequence[Excess],
     equations: Equations | None,
     x: Array,
     reach: float,
@@ -68,20 +60,18 @@ def minimised(
     from scipy.optimize import minimize
 
     scale = max(float(np.abs(each.values(x)).max()) for each in objective) or 1.0
-    rows = [Limited(each, np.nan, scale) for each in objective], limits
 
     def slack(z: Array) -> Array:
-        """Return the distances of the values of the objective from t, and of the limited values from their
-        limits, at z = (x, t)."""
-        parts = [z[-1] - each.values.values(z[:-1]) / scale for each in rows[0]]
-        parts += [(each.limit - each.values.values(z[:-1])) / each.scale for each in rows[1]]
-        return np.concatenate(parts)
+        """Return the distances of the values of the objective from t, and of the excesses from 0, at z = (x,
+        t)."""
+        parts = [z[-1] - each.values(z[:-1]) / scale for each in objective]
+        return np.concatenate([*parts, *(-each.values(z[:-1]) for each in limits)])
 
     def slack_slopes(z: Array) -> Array:
         parts = []
-        for kind, by_level in zip(rows, (1.0, 0.0), strict=True):
+        for kind, unit, by_level in ((objective, scale, 1.0), (limits, 1.0, 0.0)):
             for each in kind:
-                slopes = -each.values.slopes(z[:-1]) / each.scale
+                slopes = -each.slopes(z[:-1]) / unit
                 parts.append(np.column_stack((slopes, np.full(len(slopes), by_level))))
         return np.concatenate(parts)
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.period.overlaps import CoupledPairs, Overlaps, exceptional_points
 from solve.results.followed_modes import CLOSE, LOCKED
+from solve.studies.mode_overlaps import CoupledPairs, Overlaps, exceptional_points
 from solve.studies.mode_vectors import SURE, ModeVectors
 
 _ACCEPTED = 0.8

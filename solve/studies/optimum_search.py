@@ -15,7 +15,7 @@ from solve.results.optimum import Requirement
 from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
 from solve.studies.kept import KeptValues
-from solve.studies.minimax import Excess, Limited, minimised, restored
+from solve.studies.minimax import Excess, minimised, restored
 from solve.studies.over_speed import SPECTRAL_RADIUS, BandEdge, Peak, PeakSpeed, safe_radius
 from solve.studies.requirements import Bound, Kept
 from solve.studies.robust import Robust, Statistic
@@ -224,9 +224,9 @@ class Search:
         """Minimise the largest violation of the limits locally, starting from an infeasible design. Return
         the best design. Raises SolveError subclasses."""
         for _ in range(_MAX_RESTORATIONS):
-            excess = [Excess(each) for each in self._limits(state.x)]
             with progress.subtask(ROUNDS):
-                x, _ = minimised(excess, [], self.equations, state.x, 1.0, STATIONARY * self.design.rtol)
+                limits = self._limits(state.x)
+                x, _ = minimised(limits, [], self.equations, state.x, 1.0, STATIONARY * self.design.rtol)
                 trial = self._state(x if self.equations is None else restored(self.equations, x))
             is_last = trial.feasible or trial.violation > (1 - _GAIN) * state.violation
             state = min(state, trial, key=lambda each: each.violation)
@@ -254,17 +254,17 @@ class Search:
         x, change = minimised(self._objective(x), self._limits(x), self.equations, x, reach, rtol)
         return (x if self.equations is None else restored(self.equations, x)), change
 
-    def _limits(self, x: Array) -> list[Limited]:
+    def _limits(self, x: Array) -> list[Excess]:
         """Limits on all bounded quantities, taking into account the extrema that are largest at x."""
         design, limits = self.design, [*self.kept_limits]
         for at, point in enumerate(design.points(x)):
             for each in self.bounds:
                 values = tracked(design, x, at, each.quantity, each.sign)
-                limits.append(Limited(values, each.sign * each.value, _scale(each, point)))
+                limits.append(Excess(values, each.sign * each.value, _scale(each, point)))
             factor = 1 + point.solved.error_estimate.multipliers
             radius = Single(design, at, SPECTRAL_RADIUS, factor=factor)
-            limits.append(Limited(radius, self.limit, 1.0))
-        return limits + [Limited(each, 0.0, each.end) for each in self.edges]
+            limits.append(Excess(radius, self.limit, 1.0))
+        return limits + [Excess(each, 0.0, each.end) for each in self.edges]
 
     def _objective(self, x: Array) -> list[Tracked]:
         if not isinstance(self.minimise, Named):

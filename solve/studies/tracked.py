@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from solve.arguments import described, number_or_nan
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.derivatives.figures import DIFFERENCE_STEP, EQUAL, FIRST_DIFFERENCE, SECOND_DIFFERENCE
 from solve.errors import ValueOutOfBoundsError
 from solve.period.named import Named
@@ -187,7 +187,7 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
     if sides is None:
         return Single(design, at, quantity, sign)
     period, phases, signs, widths = design.model.period, [], [], []
-    samples = np.linspace(0.0, period, LEAST_SAMPLES, endpoint=False)
+    samples = uniform_phases(LEAST_SAMPLES, period)
     values = design.points(x)[at].signal(quantity.subject, samples)
     largest = max(float((side * values).max()) for side in sides)
     for side in sides:

@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from solve.arguments import first_is, matches_annotations, number_or_nan
-from solve.arrays import Array, Plane
+from solve.arrays import Array, Plane, uniform_phases
 from solve.certify.coefficients import require_load
 from solve.equations import sketched
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
@@ -107,7 +107,7 @@ class Animation:
     def drawn(self, still: bool) -> Drawn:
         """Content of a picture of several positions if `still` is True, otherwise of an animation."""
         count = frame_count(self.frames, self._free, still)
-        phase = np.arange(count) * (self.span / count)
+        phase = uniform_phases(count, self.span)
         caption = f"grey: rigid motion; blue: with the {self._shown}" if self.system.labels.vibrates else ""
         fine = np.linspace(0.0, self.span, HALF_DEGREES)
         panels = [Panel(name, signal(fine), signal(phase)) for name, signal in self.signals.items()]

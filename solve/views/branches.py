@@ -27,6 +27,7 @@ from solve.views.panels import (
     label_quantity,
     label_radius,
     label_speeds,
+    omission,
     panels_over,
     shades,
     title_of,
@@ -58,6 +59,7 @@ def branch_figure(branch: Branch) -> Figure:
     names = branch.system.coordinates[: MOST_SHOWN - 1]
     count = len(names) + 1
     title = "unforced nonlinear modes" if len(branch.energies) else "branch of nonlinear orbits"
+    title += omission(len(branch.system.coordinates), MOST_SHOWN - 1, "coordinates")
     with panels_over(branch.system, branch.values, title, 1.4 + 1.5 * count, count, branch.over) as (
         sheet,
         panels,

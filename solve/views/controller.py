@@ -8,7 +8,7 @@ import numpy as np
 from solve.results.contents import HALF_DEGREES, MOST_SHOWN
 from solve.results.controller import Controller, StabilityMargin
 from solve.results.formatting import prefixed
-from solve.views.panels import MOST_DRAWN, label_phases, titled
+from solve.views.panels import MOST_DRAWN, label_phases, omission, titled
 from solve.views.show import brief, figure, heading_of, tables
 from solve.views.stability import CIRCLE_ROW, draw_stability, stability_tables
 from solve.views.style import GREY, Axes, Figure, page
@@ -26,8 +26,9 @@ def controller_figure(result: Controller) -> Figure:
     gains = np.moveaxis(result.gain(phase), 0, -1)
     gains = gains.swapaxes(0, 1) if result.kind == "kalman" else gains
     rows = min(len(gains), MOST_SHOWN)
+    title = titled(result.system, result.speed) + omission(len(gains), MOST_SHOWN, "signals")
     heights = [0.7 + 1.6 * rows, CIRCLE_ROW]
-    with page(sum(heights), titled(result.system, result.speed)) as sheet:
+    with page(sum(heights), title) as sheet:
         grid = sheet.add_gridspec(2, 1, height_ratios=heights)
         upper, lower = (sheet.add_subfigure(grid[row]) for row in range(2))
         panels = upper.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
@@ -46,7 +47,9 @@ def _draw_gains(axes: Axes, result: Controller, name: str, degrees: np.ndarray, 
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.set_ylim(-1.1, 1.1)
     axes.set_ylabel("gain / largest")
-    axes.set_title(f"gain of {name} by state (its largest absolute value, SI)", loc="left", color=GREY)
+    title = f"gain of {name} by state (its largest absolute value, SI)"
+    title += omission(len(result.states), MOST_DRAWN, "states")
+    axes.set_title(title, loc="left", color=GREY)
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 

@@ -18,7 +18,16 @@ from solve.results.sensitivities import MOST_ROWS, Sensitivities, SensitivitiesO
 from solve.system import PeriodicSystem
 from solve.units import ShownUnit
 from solve.views.orbit import FLOOR
-from solve.views.panels import MOST_DRAWN, labelled, legend_above, panels_over, shades, title_of, titled
+from solve.views.panels import (
+    MOST_DRAWN,
+    labelled,
+    legend_above,
+    omission,
+    panels_over,
+    shades,
+    title_of,
+    titled,
+)
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, Table, table, text
@@ -78,6 +87,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
     """Figure of measured points and computed curves, with one panel per channel and speed, and at most 8
     panels. Curves that are measured at equidistant phases have a spectrum too."""
     shown = channels[:MOST_DRAWN]
+    title += omission(len(channels), MOST_DRAWN, "curves")
     with page(0.7 + 1.9 * len(shown), title) as figure:
         rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
         for (axes, spectra), channel in zip(rows, shown, strict=True):

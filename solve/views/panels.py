@@ -65,6 +65,15 @@ def titled(system: PeriodicSystem, speed: float) -> str:
     return f"{title_of(system)}, {system.labels.speed_unit.text(speed)}"
 
 
+def omission(count: int, most: int, things: str) -> str:
+    """Return the end of a title if only the first `most` of `count` things are drawn.
+
+    >>> omission(8, 6, "inputs")
+    '; the first 6 of 8 inputs'
+    """
+    return f"; the first {most} of {count} {things}" if count > most else ""
+
+
 def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) -> Sequence[str]:
     """Return labels of values, with as few digits as are needed to distinguish different values.
 

@@ -27,6 +27,7 @@ from solve.views.panels import (
     label_quantity,
     label_radius,
     legend_above,
+    omission,
     panels_over,
     shades,
     title_of,
@@ -299,10 +300,9 @@ def sweeps_figure(
 def validity_figure(validity: Validity) -> Figure:
     """Figure of the linearisation errors versus speed."""
     unit, names = validity.system.labels.speed_unit, validity.system.coordinates[:MOST_SHOWN]
-    with panels_over(validity.system, validity.speeds, "error of the linear orbit", 3.4, 1) as (
-        page,
-        (axes,),
-    ):
+    title = "error of the linear orbit"
+    title += omission(len(validity.system.coordinates), MOST_SHOWN, "coordinates")
+    with panels_over(validity.system, validity.speeds, title, 3.4, 1) as (page, (axes,)):
         for name, row, shade in zip(names, validity.errors.T, shades(len(names)), strict=False):
             draw_through(axes, unit.from_si(validity.speeds), 100 * row, True, label=name, **shade)
         limit = {"color": GREY, "linewidth": 0.8}

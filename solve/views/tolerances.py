@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.results.contents import MOST_SHOWN
 from solve.results.formatting import greek, measured, prefixed
 from solve.results.tolerances import UNSTABLE, Tolerances
-from solve.views.panels import MOST_DRAWN, legend_above, title_of
+from solve.views.panels import MOST_DRAWN, legend_above, omission, title_of
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table, text
@@ -25,12 +25,12 @@ _OUTSIDE = 5e-4
 def tolerances_figure(result: Tolerances) -> Figure:
     """Figure with one row per quantity, which shows its distribution with the limit, and its Sobol
     indices."""
-    names = _shown(result)
+    varying = _varying(result)
+    names = varying[:MOST_SHOWN]
+    title = f"{title_of(result.system)}: tolerances{omission(len(varying), MOST_SHOWN, 'quantities')}"
     columns = 2 if result.sobol else 1
     bars = min(len(result.spreads), MOST_DRAWN)
-    with page(
-        0.7 + len(names) * max(2.0, 0.7 + 0.28 * bars), f"{title_of(result.system)}: tolerances"
-    ) as sheet:
+    with page(0.7 + len(names) * max(2.0, 0.7 + 0.28 * bars), title) as sheet:
         panels = sheet.subplots(len(names), columns, squeeze=False)
         for row, name in zip(panels, names, strict=True):
             _draw_distribution(row[0], result, name)
@@ -38,12 +38,13 @@ def tolerances_figure(result: Tolerances) -> Figure:
                 _draw_indices(row[1], result, name)
         legend_above(panels[0, 0])
         if result.sobol:
-            panels[0, 1].set_title("Sobol indices", loc="left", color=GREY)
+            largest = f", the {bars} largest" if len(result.spreads) > bars else ""
+            panels[0, 1].set_title(f"Sobol indices{largest}", loc="left", color=GREY)
             legend_above(panels[0, 1])
     return sheet
 
 
-def _shown(result: Tolerances) -> list[str]:
+def _varying(result: Tolerances) -> list[str]:
     """Return the quantities that vary with the parameters or have limits. The spectral radius comes last."""
     varying = [
         name
@@ -51,7 +52,7 @@ def _shown(result: Tolerances) -> list[str]:
         if _spread(column) and (name in result.bounds or _is_influenced(result, name))
     ]
     ordered = [*varying[1:], *varying[:1]] if varying[:1] == ["spectral_radius"] else varying
-    return (ordered or list(result.units)[:1])[:MOST_SHOWN]
+    return ordered or list(result.units)[:1]
 
 
 def _is_influenced(result: Tolerances, name: str) -> bool:

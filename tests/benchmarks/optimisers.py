@@ -66,7 +66,7 @@ class _Constraints(casadi.Callback):
 
 def by_ipopt(
     objective: Sequence[Any],
-    limits: Sequence[minimax.Limited],
+    limits: Sequence[minimax.Excess],
     equations: minimax.Equations | None,
     x: Array,
     reach: float,
@@ -77,14 +77,14 @@ def by_ipopt(
 
     def values(z: Array) -> Array:
         rows = [each.values(z[:-1]) / scale - z[-1] for each in objective]
-        rows += [(each.values.values(z[:-1]) - each.limit) / each.scale for each in limits]
+        rows += [each.values(z[:-1]) for each in limits]
         return np.concatenate(rows + ([equations.residuals(z[:-1])] if equations else []))
 
     def slopes(z: Array) -> Array:
         rows = [
             np.pad(each.slopes(z[:-1]) / scale, ((0, 0), (0, 1)), constant_values=-1) for each in objective
         ]
-        others = [each.values.slopes(z[:-1]) / each.scale for each in limits]
+        others = [each.slopes(z[:-1]) for each in limits]
         others += [equations.slopes(z[:-1])] if equations else []
         return np.concatenate(rows + [np.pad(each, ((0, 0), (0, 1))) for each in others])
 

@@ -150,3 +150,12 @@ def test_samplers_do_not_release_functions_themselves():
     assert memory() is not None
     threads.symbolic(Result)()
     assert memory() is None
+
+
+def test_samplers_are_released_after_their_module(monkeypatch):
+    """At the end of a process, the names of a module are removed before some objects."""
+    sampler, raised = Sampler(casadi.Function("f", [casadi.SX.sym("x")], [casadi.SX(1.0)])), []
+    monkeypatch.setattr(sampling, "release", None)
+    monkeypatch.setattr(sys, "unraisablehook", raised.append)
+    del sampler
+    assert raised == []

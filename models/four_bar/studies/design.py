@@ -9,8 +9,6 @@ import typer
 
 from models.four_bar.design import (
     Design,
-    Outcome,
-    Trial,
     damping_effects,
     default_target,
     designed,
@@ -26,12 +24,13 @@ from models.four_bar.design_map import (
     design_map,
 )
 from models.four_bar.linkage import Linkage
+from models.four_bar.outcome import Outcome, Trial
 from models.four_bar.plan import Plan
 from models.four_bar.run_up import RunUp, simulate
 from models.four_bar.stress_map import spaced
 from models.four_bar.studies.shared import FourBar
 from models.four_bar.views.tables import design_report
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.beams.motion import lowest_frequencies
 from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
@@ -279,7 +278,7 @@ def _quantity(flag: str, text: str, unit: str, example: str) -> float:
 def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
     """Return the initial speeds (rad/s) of the map, in ascending order."""
     if text is None:
-        phase = np.linspace(0.0, model.period, 36, endpoint=False)
+        phase = uniform_phases(36, model.period)
         mean = float(lowest_frequencies(*model.at_positions(phase).matrices(), 1).mean())
         return [GivenSpeed(omega, RAD_PER_S) for omega in spaced(_FIRST * mean, _LAST * mean, _RATIO)]
     speeds = sorted(set(speeds_in_si(text)))

@@ -33,7 +33,7 @@ from models.four_bar.linkage import (
 )
 from models.four_bar.views.tables import linkage_report
 from solve import signal_statistics
-from solve.arrays import Array, Plane
+from solve.arrays import Array, Plane, uniform_phases
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import CaseNumbers, Flag, Results
 from solve.errors import ValueOutOfBoundsError
@@ -177,7 +177,7 @@ class RigidMotion(Result):
             for joint, name in JOINTS.items()
         }
         energy = signal_statistics(lambda t: kinetic_energy(self.linkage.motion(t, speed), self.bodies), TURN)
-        motion = self.linkage.motion(np.arange(_BALANCE_POINTS) * (TURN / _BALANCE_POINTS), speed)
+        motion = self.linkage.motion(uniform_phases(_BALANCE_POINTS, TURN), speed)
         rate = inertial_power(motion, self.bodies)
         residual = np.abs(joint_forces(motion, self.bodies).torque * speed - rate).max() / np.abs(rate).max()
         return {
@@ -266,7 +266,7 @@ def _swing(linkage: Linkage) -> float | None:
 
 
 def _path(linkage: Linkage, point: complex) -> dict[str, Any]:
-    path = linkage.motion(np.arange(_CURVE_POINTS) * (TURN / _CURVE_POINTS)).position(2, point)
+    path = linkage.motion(uniform_phases(_CURVE_POINTS, TURN)).position(2, point)
     return {"point": _xy(point), "x": path.real, "y": path.imag}
 
 

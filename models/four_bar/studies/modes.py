@@ -14,7 +14,7 @@ import typer
 import solve
 from models.four_bar.studies.shared import AtOneSpeed, FourBar, Tolerance
 from solve import frequencies
-from solve.arrays import Array
+from solve.arrays import Array, uniform_phases
 from solve.beams.element import EXACT
 from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
@@ -222,7 +222,7 @@ def element_kinds(
         raise ValueOutOfBoundsError(
             f"{count} frequencies at {turn} positions; allowed: 1 … {_MOST_COUNT} at 1 … {_MOST_TURN}"
         )
-    positions = np.linspace(0.0, model.period, turn, endpoint=False)
+    positions = uniform_phases(turn, model.period)
     models = [_with_elements(model, kind) for kind in kinds]
     values = [frequencies(varied, positions, count).values for varied in models]
     exact = frequencies(model.varied(options={"element": EXACT, "elements": 1}), positions, count).values

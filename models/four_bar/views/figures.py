@@ -11,10 +11,10 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import FixedLocator, MultipleLocator, NullLocator
 
 from models.four_bar.barker import classify
-from models.four_bar.design import Outcome
 from models.four_bar.forces import JOINTS, Body, joint_forces
 from models.four_bar.linkage import ADVISED, TURN, Linkage, Motion
-from solve.arrays import Array, Plane
+from models.four_bar.outcome import Outcome
+from solve.arrays import Array, Plane, uniform_phases
 from solve.results.contents import HALF_DEGREES
 from solve.results.formatting import prefixed
 from solve.units import unit_given
@@ -92,7 +92,7 @@ def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], sho
     for k, point in enumerate(points):
         path, label = motion.position(2, point), f"({point.real:g}, {point.imag:g}) m"
         axes.plot(path.real, path.imag, color=_PATHS[k % len(_PATHS)], linewidth=1.8, label=label, zorder=3)
-    pale = linkage.motion(np.arange(_POSITIONS) * (TURN / _POSITIONS))
+    pale = linkage.motion(uniform_phases(_POSITIONS, TURN))
     for joints in np.transpose(_joints(pale)):
         axes.plot(joints.real, joints.imag, "-o", color=GREY, alpha=0.28, linewidth=0.9, markersize=2)
     _draw_linkage(axes, linkage.motion(shown), points)

@@ -9,8 +9,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from models.four_bar.design import Outcome
 from models.four_bar.forces import JOINTS
+from models.four_bar.outcome import Outcome
 from solve.results.contents import Column, Columns, digits, speeds_of
 from solve.results.formatting import fixed, prefixed
 from solve.units import unit_given

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.arrays import EPS, Array, symmetric_of
+from solve.arrays import EPS, Array, midpoint_phases, symmetric_of
 from solve.errors import ControlError
 from solve.period.curve import Curve
 from solve.period.eigenvalues import balance_matrices, roundoff_growth
@@ -174,7 +174,7 @@ class Riccati:
     @cached_property
     def _sampled(self) -> tuple[Array, Array, Array]:
         """Samples of A, G and Q (k, N, N) over the period."""
-        return self._squared((np.arange(FROZEN_PHASES) + 0.5) * (self.period / FROZEN_PHASES))
+        return self._squared(midpoint_phases(FROZEN_PHASES, self.period))
 
     def _squared(self, phase: Array) -> tuple[Array, Array, Array]:
         """Return A, G and Q (k, N, N) at phases (k,)."""

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.arguments import checked_rtol, require_integer
-from solve.arrays import Array
+from solve.arrays import Array, midpoint_phases, uniform_phases
 from solve.errors import ControlError, ValueOutOfBoundsError
 from solve.matrices import SAME_PHASE
 from solve.period.grid import Grid
@@ -163,7 +163,7 @@ class _Drive:
     def certified(self, rtol: float) -> SampledLoop:
         """Return the result on a grid that is refined until the spectral radii of two grids agree."""
         system = self.loop.open_loop
-        phase = (np.arange(FROZEN_PHASES) + 0.5) * (system.period / FROZEN_PHASES)
+        phase = midpoint_phases(FROZEN_PHASES, system.period)
         fastest = np.abs(np.linalg.eigvals(self.rates(phase))).max() * system.period
         steps = int(np.ceil(max(fastest / (_ADVANCE * (rtol / FIRST_RTOL) ** (1 / _ORDER)), self.samples)))
         # If the number of steps is a multiple of the number of samples, doubling it refines every interval
@@ -182,7 +182,7 @@ class _Drive:
     def solved(self, steps: int) -> SampledLoop:
         """Return the spectral radius and the orbit on a grid of about `steps` steps."""
         loop, period = self.loop.open_loop, self.loop.open_loop.period
-        times = np.arange(self.samples) * (period / self.samples)
+        times = uniform_phases(self.samples, period)
         grid = Grid.uniform(steps, period, (*loop.breaks, *times))
 
         def coefficients(phase: Array) -> tuple[Array, Array, Array]:

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.arguments import number_or_nan
-from solve.arrays import EPS, Array
+from solve.arrays import EPS, Array, uniform_phases
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.model.domain import BISECTIONS
 from solve.system import PeriodicSystem
@@ -58,7 +58,7 @@ def matrix_function(
         def function(phase: Array) -> Array:
             return np.broadcast_to(matrix, (len(phase), *matrix.shape))
 
-    phase = np.arange(_PHASES) * (system.period / _PHASES)
+    phase = uniform_phases(_PHASES, system.period)
     _require(name, function(phase), (_PHASES, size, size), definite)
     if callable(given):
         _require_continuous(name, function, system)

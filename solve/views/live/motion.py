@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array, Plane
+from solve.arrays import Array, Plane, uniform_phases
 from solve.equations import sketched
 from solve.results.formatting import prefixed, round_magnification
 from solve.system import PeriodicSystem
@@ -48,7 +48,7 @@ def motion(
     system, speed = solution.orbit.system, solution.orbit.speed
     if not _has_sketch(system):
         return None
-    phase = np.arange(FRAMES) * (solution.span / FRAMES)
+    phase = uniform_phases(FRAMES, solution.span)
     vibration = solution.vibration(phase)
     rigid = _lines(system, phase, speed, 0.0 * vibration, fineness)
     if scale is None:

@@ -108,7 +108,7 @@ def test_inseparable_entries_are_sampled_point_by_point():
         )
 
     system, speeds = solve.PeriodicSystem(matrices, ["q"]), [0.5, 0.9, 1.4]
-    assert not Separation(over_speed(system), np.linspace(0.1, 9, 40)[:, None], system.period, 1).separable
+    assert not Separation(over_speed(system), np.linspace(0.1, 9, 40)[:, None]).separable
     for point, speed in zip(solve.sweep(system, speeds).points, speeds, strict=True):
         agrees(point, system, speed)
 
@@ -120,7 +120,7 @@ def test_points_outside_the_training_region_are_detected():
         return systems.system(kinked(kink, delta), 1)
 
     family = BuiltFamily(build, ["kink", "delta"], ordinary, 1.0)
-    separation = Separation(family, ordinary, 2 * np.pi, 1)
+    separation = Separation(family, ordinary)
     _, fits = separation.coefficients(np.array([[0.0, 1.5], [0.3, 1.5]]))
     assert fits.tolist() == [True, False]
 
@@ -141,7 +141,7 @@ def test_small_units_are_distinguished_from_roundoff():
 
     points = np.column_stack((np.zeros(50), np.linspace(1, 2, 50)))
     family = BuiltFamily(build, ["kink", "size"], points, 1.0)
-    _, fits = Separation(family, points, 2 * np.pi, 2).coefficients(np.array([[0.0, 1.51], [1e-12, 1.51]]))
+    _, fits = Separation(family, points).coefficients(np.array([[0.0, 1.51], [1e-12, 1.51]]))
     assert fits.tolist() == [True, False]
 
 
@@ -155,7 +155,7 @@ def kinked(kink, delta):
 
 
 def test_tables_are_cached_up_to_a_memory_limit(monkeypatch):
-    separation = Separation(over_speed(systems.system(kinked(0.3, 2.0), 1)), np.ones((4, 1)), 2 * np.pi, 1)
+    separation = Separation(over_speed(systems.system(kinked(0.3, 2.0), 1)), np.ones((4, 1)))
     coarse, fine, finest = (np.linspace(0, end, 1000) for end in (4, 5, 6))
     requested, made = [], separation.table(coarse)
     monkeypatch.setattr(tables, "_CACHE_BYTES", 2 * made.nbytes)
@@ -175,7 +175,7 @@ def test_small_terms_do_not_reduce_accuracy(small):
         return one, one, stiffness[:, None, None], one[:, 0]
 
     family, points = over_speed(solve.PeriodicSystem(matrices, ["q"])), np.linspace(0.1, 2.0, 60)[:, None]
-    separation = Separation(family, points, 2 * np.pi, 1)
+    separation = Separation(family, points)
     coefficients, fits = separation.coefficients(points)
     assert fits.all()
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, 200)
@@ -277,7 +277,7 @@ def test_frozen_modes_lie_within_their_bounds(seed, n, scale):
     system, speeds = systems.random_system(seed, n), np.array([0.5, 1.0, 2.0])
     phase = (np.arange(32) + 0.5) * (system.period / 32)
     family = over_speed(system)
-    separation = Separation(family, speeds[:, None], system.period, n)
+    separation = Separation(family, speeds[:, None])
     coefficients, fits = separation.coefficients(speeds[:, None])
     assert fits.all()
     fastest = np.array([fastest_of(system, phase, speed) for speed in speeds])

@@ -12,7 +12,10 @@ BAD = {
     "unknown command": (("perodic", "cam"), ("perodic", "periodic")),
     "no model": (("periodic",), ("MODEL",)),
     "unknown flag": ((*CAM, "--sped", "5"), ("--sped", "--speed")),
-    "a flag of another command": (("floquet", "cam", *SPEED, "--scale", "dB"), ("--scale",)),
+    "a flag of another command": (
+        ("chart", "cam", "--over", "k1=6e4:9e4:3"),
+        ("--over", "flag of sweep, modes, branch, frequencies"),
+    ),
     "unknown model": (("periodic", "camm", *SPEED), ("camm", "did you mean 'cam'")),
     "model with a path separator": (("periodic", "models/cam", *SPEED), ("models/cam", ".py")),
     "model up the tree": (("periodic", "../cam", *SPEED), ("../cam", ".py")),

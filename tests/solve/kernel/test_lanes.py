@@ -25,7 +25,7 @@ def grids(family, points, n, method, steps, orbit=True, own=False, period=2 * np
     if own:
         chunk = Sampled(family, points, breaks=breaks)
     else:
-        separation = Separation(family, points, period, n, breaks=breaks)
+        separation = Separation(family, points, breaks=breaks)
         coefficients, fits = separation.coefficients(points)
         assert fits.all()
         chunk = Separated(separation, coefficients)

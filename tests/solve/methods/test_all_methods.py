@@ -4,7 +4,6 @@ A new method takes a row of MEASURED, or stands among those that have no order, 
 """
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -334,22 +333,23 @@ def test_method_attributes_are_consistent(method):
     assert bool(method.warnings) == (isinstance(method, Newmark) and method.gamma < 0.5)
 
 
-@dataclass(frozen=True)
 class Watched(SinglePoint):
     """Point that records the phases at which its matrices are evaluated."""
 
-    phases: tuple = ()
+    def __init__(self, system, speed):
+        super().__init__(system, speed)
+        self.phases: list[np.ndarray] = []
 
     def tables(self, phase) -> Tables:
-        self.phases[0].append(np.ravel(phase))
+        self.phases.append(np.ravel(phase))
         return super().tables(phase)
 
 
 @parametrised_by(EVERY)
 def test_samples_are_equidistant_if_the_method_declares_it(method):
-    seen: list = []
-    method.solutions(Watched(SYSTEM, 1.0, phases=(seen,)), Grid.uniform(31, TURN), True)
-    requested = np.unique(np.round(np.mod(np.concatenate(seen), TURN), 9) % round(TURN, 9))
+    point = Watched(SYSTEM, 1.0)
+    method.solutions(point, Grid.uniform(31, TURN), True)
+    requested = np.unique(np.round(np.mod(np.concatenate(point.phases), TURN), 9) % round(TURN, 9))
     gaps = np.diff([*requested, requested[0] + TURN])
     assert (np.ptp(gaps) < 1e-6) == method.samples_evenly
 

@@ -133,3 +133,9 @@ def test_values_of_a_selected_case_may_be_replaced(tmp_path):
 def test_misspelt_parameter_of_a_varied_model_is_refused():
     with pytest.raises(UnknownNameError, match="unknown parameter of cam 'K1'; did you mean 'k1'"):
         solve.load("cam").varied({"K1": 5.0})
+
+
+def test_case_may_be_selected_by_number():
+    assert solve.load("cam", 2).parameters == solve.load("cam", case="2").parameters
+    with pytest.raises(UnknownNameError, match="unknown case of cam '7'"):
+        solve.load("cam", case=7)

@@ -4,7 +4,7 @@ positions."""
 import numpy as np
 import pytest
 
-from solve.period.curve import Curve
+from solve.period.curve import Curve, FourierCurve
 from solve.period.grid import Grid
 
 
@@ -33,3 +33,17 @@ def test_sequence_of_phases_does_not_matter():
     mixed = rng.permutation(len(phase))
     for whole, apart in zip(curve.states(phase), curve.states(phase[mixed] + 3.0), strict=True):
         np.testing.assert_allclose(apart, whole[:, mixed], rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [Curve, FourierCurve])
+def test_antiderivative_is_periodic_with_mean_zero(kind):
+    rng, grid = np.random.default_rng(7), Grid.uniform(9, 2.5, ())
+    values = rng.standard_normal((9, 3))
+    curve = FourierCurve.through(grid.nodes, values)[np.newaxis]
+    if kind is Curve:
+        curve = Curve(grid.nodes, rng.standard_normal((1, 3, 9, 4)))
+    integral = curve.antiderivative()
+    phase = rng.uniform(0, 2.5, 20)
+    np.testing.assert_allclose(integral(phase, 1), curve(phase) - curve.mean[..., None], atol=1e-12)
+    np.testing.assert_allclose(integral.mean, 0.0, atol=1e-14)
+    np.testing.assert_allclose(integral(np.array([2.5 - 1e-12])), integral(np.zeros(1)), atol=1e-10)

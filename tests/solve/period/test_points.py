@@ -1,7 +1,5 @@
 """A system solved alone and among hundreds of others: the same bytes, steps, verdicts and warnings."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ from solve.methods.march import March
 from solve.methods.modal import Modal
 from solve.period.frozen import frozen
 from solve.period.grid import Grid
-from solve.period.points import Tables, matrices
+from solve.period.points import Points, Tables, matrices
 from solve.single import request
 from solve.system import in_phase
 from tests.solve import systems
@@ -29,20 +27,12 @@ ENGINES = [
 SEEDS, PLACE = range(8), 217
 
 
-@dataclass(frozen=True)
-class Several:
+class Several(Points):
     """Batch of systems at speed 1, each evaluated by itself. `which` (P,) are the numbers of the systems."""
 
-    each: tuple
-    which: np.ndarray
-    bytes_a_phase: int = 0
-    first_order: int = 0
-    breaks: tuple = ()
-    period: float = 2 * np.pi
-
-    @property
-    def n(self):
-        return self.each[0].n
+    def __init__(self, each, which):
+        super().__init__(each[0].n, 2 * np.pi)
+        self.each, self.which = each, which
 
     def __len__(self):
         return len(self.which)

@@ -222,3 +222,18 @@ def test_compared_spectra_end_below_the_measured_values():
     bottom, top = spectra.get_ylim()
     assert computed[1:].max() < 1e-12 < bottom < measured.min() < measured.max() < top
     assert bottom == pytest.approx(measured.min() / 10)
+
+
+def test_figure_of_a_controller_states_how_many_inputs_and_states_are_omitted():
+    def matrices(phase, speed):
+        one = np.broadcast_to(np.eye(9), (len(phase), 9, 9))
+        return one, one, one, np.zeros((len(phase), 9)), one[..., :7]
+
+    names = [f"q{k}" for k in range(1, 10)]
+    system = PeriodicSystem(matrices, names, inputs=[f"u{k}" for k in range(1, 8)])
+    controller = solve.lqr(system, 1.0, dict.fromkeys(names, 1.0), dict.fromkeys(system.inputs, 1.0))
+    figure = controller.plot()
+    assert figure.get_suptitle().endswith("; the first 6 of 7 signals")
+    panels = [axes for axes in figure.axes if axes.get_title(loc="left").startswith("gain of u")]
+    assert len(panels) == 6
+    assert all(axes.get_title(loc="left").endswith("; the first 8 of 18 states") for axes in panels)

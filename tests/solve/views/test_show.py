@@ -21,3 +21,9 @@ def test_module_of_every_display_is_imported_when_required(name):
     assert modules
     for results, views in modules.items():
         assert views == f"solve.views.{show._VIEWS[results.removeprefix('solve.results.')]}"
+
+
+def test_notebook_shows_title_and_equations():
+    page = solve.load("mathieu")._repr_html_()
+    assert page.startswith("<p>Mathieu's equation".replace("'", "&#x27;"))
+    assert page.count("<math>") == 4

@@ -5,40 +5,15 @@ p(φ) exp(-isφ) with the exponent λ + isω. Overlaps are therefore computed fo
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.studies.mode_vectors import ModeVectors
 
 _MAX_SHIFT = 64
 """Largest difference between the harmonic numbers of a mode at two neighbouring points. Chosen by judgement.
 If speeds are 1 % apart, it suffices for frequencies up to the 6400th harmonic."""
-
-
-class Modes(Protocol):
-    """Protocol of the Floquet modes of a point; see `solve.studies.mode_vectors.ModeVectors`."""
-
-    @property
-    def rotation(self) -> float: ...
-
-    @property
-    def nodes(self) -> Array: ...
-
-    @property
-    def weights(self) -> Array: ...
-
-    @property
-    def exponents(self) -> Array: ...
-
-    @property
-    def errors(self) -> Array: ...
-
-    @property
-    def parts(self) -> Array: ...
-
-    @property
-    def inverse(self) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -53,7 +28,7 @@ class Overlaps:
     backward: Array
 
     @classmethod
-    def between(cls, first: Modes, second: Modes) -> "Overlaps":
+    def between(cls, first: ModeVectors, second: ModeVectors) -> "Overlaps":
         """Overlaps between two points on the same grid, computed with left inverses of the matrices of mode
         vectors."""
         largest = min(_MAX_SHIFT, (len(first.nodes) - 1) // 2)
@@ -126,7 +101,7 @@ class CoupledPairs:
 
 def exceptional_points(
     overlaps: Overlaps,
-    points: tuple[Modes, Modes],
+    points: tuple[ModeVectors, ModeVectors],
     pairs: tuple[Array, Array],
     shifts: Array,
     noise: Array,
