@@ -121,13 +121,6 @@ class Owner:
         threads.release(vars(self))
 
 
-def test_finalisers_run_after_their_modules_are_cleared(monkeypatch):
-    """At the end of the process, variables of modules may be None."""
-    sampler = Sampler(casadi.Function("f", [casadi.SX.sym("x")], [casadi.SX(1.0)]))
-    monkeypatch.setattr(sampling, "release", None)
-    sampler.__del__()
-
-
 def test_next_symbolic_call_releases_memory_of_unused_functions():
     build = threads.symbolic(Result)
     used, unused = build(), build()
