@@ -116,7 +116,6 @@ def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]
     return alone
 
 
-def release(functions: Any) -> None:
-    """Release the memory of an object with CasADi functions when `symbolic` permits it: at the next call of a
-    decorated function. Finalisers call this function: it does not wait for a lock."""
-    _results.append(functions)
+release = _results.append
+"""Release the memory of an object with CasADi functions when `symbolic` permits it: at the next call of a
+decorated function. Finalisers call this function: it does not wait for a lock."""

@@ -68,8 +68,10 @@ class ModelIntegrator:
         self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
         self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
 
+    _release = staticmethod(release)
+
     def __del__(self) -> None:
-        release(vars(self))
+        self._release(vars(self))
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         """Integrate over a period, see `Integrator`. Raises TransientError if the integration fails."""

@@ -47,8 +47,11 @@ class Sampler:
             self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
+    # At exit of the interpreter, the names of this module may be deleted before an instance.
+    _release = staticmethod(release)
+
     def __del__(self) -> None:
-        release(vars(self))
+        self._release(vars(self))
 
     def __call__(self, *inputs: Array) -> Array:
         """Evaluate the function k times and return the values (k, rows). Inputs are (k, columns), or (k,) for

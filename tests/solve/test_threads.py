@@ -102,8 +102,8 @@ print("built")
 
 @pytest.mark.slow
 def test_functions_may_be_built_and_released_in_several_threads():
-    """Without the lock, or if the lock does not cover the release of functions, about half of the runs end with a
-    segmentation fault or an abort."""
+    """Without the lock, or if the lock does not cover the release of functions, about half of the runs end
+    with a segmentation fault or an abort."""
     ended = subprocess.run([sys.executable, "-c", BUILDING], capture_output=True, text=True)
     assert ended.stdout == "built\n", (ended.returncode, ended.stderr[-2000:])
 

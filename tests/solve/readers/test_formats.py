@@ -107,6 +107,45 @@ def test_exported_model_is_read_back(tmp_path):
     np.testing.assert_allclose(solve.floquet(read, "600 rpm").multipliers, expected, atol=1e-7)
 
 
+def test_exported_coordinates_keep_their_names(tmp_path):
+    crane = solve.PeriodicSystem.from_samples(
+        *(ARRAYS["second"][name] for name in "MCKd"), ["trolley", "hook"]
+    )
+    solve.export(crane, tmp_path / "crane.mat", 2.5)
+    assert solve.read_mat(tmp_path / "crane.mat").coordinates == ("trolley", "hook")
+
+
+def lagged_inflow(phase, speed):
+    one = np.ones(len(phase))
+    M = one[:, None, None] * np.diag([2.0, 0.0])
+    C = one[:, None, None] * np.array([[0.3, 0.0], [0.4, 1.5]])
+    K = np.array([[4.0, -1.0], [0.2, 1.0]]) + 0.3 * np.cos(phase)[:, None, None]
+    return M, C, K, np.stack((np.cos(phase), 1 + np.sin(2 * phase)), axis=1)
+
+
+MIXED = solve.MixedSystem(lagged_inflow, ["flap"], ["inflow"])
+STATES = solve.FirstOrderSystem.from_samples(ARRAYS["first"]["A"], ARRAYS["first"]["b"], ["a", "b", "c", "d"])
+
+
+@pytest.mark.parametrize("system", [MIXED, STATES], ids=["mixed", "first order"])
+def test_exported_first_order_states_are_read_back(tmp_path, system):
+    solve.export(system, tmp_path / "s.mat", 1.3, samples=32)
+    read = solve.read_mat(tmp_path / "s.mat")
+    phase = np.array([0.4, 3.0, 5.5])
+    expected, found = solve.periodic(system, 1.3), solve.periodic(read, 1.3)
+    np.testing.assert_allclose(found.multipliers, expected.multipliers, atol=1e-9)
+    rows = [read.states.index(name) for name in system.coordinates]
+    np.testing.assert_allclose(found.at(phase)[rows], expected.at(phase), atol=1e-7)
+
+
+def test_single_azimuth_is_not_taken_for_constant_matrices(tmp_path):
+    solve.export(solve.load("cam"), tmp_path / "cam.mat", "600 rpm", samples=1)
+    np.savez(tmp_path / "one.npz", M=np.eye(1), K=np.eye(1), phase=[0.3])
+    for file in ("cam.mat", "one.npz"):
+        with pytest.raises(MatricesError, match="1 azimuth does not determine any harmonic"):
+            solve.load(str(tmp_path / file))
+
+
 def test_irregular_azimuths_and_constant_matrices_are_read(tmp_path):
     phases = np.sort(RNG.uniform(0, 2 * np.pi, 21))
     K = 4 + 0.5 * np.cos(phases)
@@ -241,6 +280,22 @@ def test_inconsistent_matrix_market_files_are_refused(tmp_path):
     (tmp_path / "run.other.mtx").write_text("")
     with pytest.raises(FileError, match="lacks the symbol"):
         solve.read_matrix_market(pattern)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["M", "K.1", "K.2", "K.3", "K.5"], "not equidistant: 3 is followed by 5"),
+        (["M.1", "M.2", "M.3", "K.1", "K.2", "K.4"], "a file with number 3"),
+        (["M.1", "M.2", "M.3", "K.2"], "there are 1 file of K, 3 files of M"),
+        (["M", "K", "K.1", "K.2"], "has no number, but other files of K do"),
+    ],
+)
+def test_missing_azimuths_are_refused(tmp_path, names, message):
+    for name in names:
+        scipy.io.mmwrite(tmp_path / f"run.{name}.mtx", np.eye(1))
+    with pytest.raises(FileError, match=message):
+        solve.read_matrix_market(str(tmp_path / "run.*.mtx"))
 
 
 def test_wrong_number_of_azimuths_is_refused(tmp_path):
