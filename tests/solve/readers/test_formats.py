@@ -98,6 +98,45 @@ def test_first_and_second_order_files_give_the_same_solution(tmp_path):
     np.testing.assert_allclose(results[0].at(0.3)[0], results[1].at(0.3)[0][:2], atol=1e-4)
 
 
+def test_packed_netcdf_variables_are_unpacked(tmp_path):
+    """Integers k stand for 0.001 k - 2; the speed is packed as a scalar with an offset only."""
+    integers = np.round((ARRAYS["second"]["K"] + 2) / 1e-3).astype(np.int32)
+    packed = {"scale_factor": 1e-3, "add_offset": -2.0}
+    axes = "azimuth", "row", "column"
+    variables = {
+        "M": (axes, ARRAYS["second"]["M"]),
+        "K": (axes, integers, packed),
+        "speed": ((), np.int16(3), {"add_offset": 1.0, "units": "rad s-1"}),
+    }
+    xarray.Dataset(variables).to_netcdf(tmp_path / "p.nc", engine="h5netcdf")
+    system = solve.read_netcdf(tmp_path / "p.nc")
+    assert system.labels.case_speed == "4.0 rad/s"
+    np.testing.assert_allclose(system.at(PHASES, 4.0)[2], integers * 1e-3 - 2, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "attributes", "words"),
+    [
+        ("M", {"missing_value": 1.0}, "M has NaN"),
+        ("phase", {"units": "degrees"}, "phase has the units 'degrees'; write it in rad"),
+        ("speed", {"units": "rpm"}, "speed has the units 'rpm'; write it in rad/s"),
+    ],
+)
+def test_missing_values_and_other_units_of_netcdf_are_refused(tmp_path, name, attributes, words):
+    phase = np.arange(8) * np.pi / 4
+    variables = {
+        "M": (("azimuth", "row", "column"), np.ones((8, 1, 1))),
+        "K": (("azimuth", "row", "column"), 4 + np.cos(phase)[:, None, None]),
+        "phase": ("azimuth", phase),
+        "speed": ((), 2.0),
+    }
+    dataset = xarray.Dataset(variables)
+    dataset[name].attrs.update(attributes)
+    dataset.to_netcdf(tmp_path / "m.nc", engine="h5netcdf")
+    with pytest.raises(FileError, match=words):
+        solve.read_netcdf(tmp_path / "m.nc")
+
+
 def test_exported_model_is_read_back(tmp_path):
     cam, file = solve.load("cam"), tmp_path / "cam.mat"
     solve.export(cam, file, "600 rpm", samples=256)
