@@ -31,7 +31,7 @@ def one_thread(coordinates: int) -> Iterator[None]:
         yield
         return
     with _lock:
-        libraries = _libraries(tuple(name in sys.modules for name in ("scipy.linalg", "ctrlsys")))
+        libraries = _libraries("scipy.linalg" in sys.modules, "ctrlsys" in sys.modules)
         limited = bool(_active_calls) or any(
             library.num_threads != 1 for library in libraries.lib_controllers
         )
@@ -51,7 +51,7 @@ def one_thread(coordinates: int) -> Iterator[None]:
 
 
 @cache
-def _libraries(loaded: tuple[bool, ...]) -> Any:
+def _libraries(has_scipy: bool, has_slicot: bool) -> Any:
     """BLAS libraries loaded by this process: that of NumPy, and those of SciPy and ctrlsys if these packages
     are imported."""
     from threadpoolctl import ThreadpoolController
@@ -116,6 +116,7 @@ def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]
     return alone
 
 
-release = _results.append
-"""Release the memory of an object with CasADi functions when `symbolic` permits it: at the next call of a
-decorated function. Finalisers call this function: it does not wait for a lock."""
+release: Callable[[Any], None] = _results.append
+"""Release the memory of an object with CasADi functions at the next call of a function decorated by
+`symbolic`. It is called by finalisers: it waits for no lock and uses no variable of a module, because these
+may be None when the interpreter exits."""

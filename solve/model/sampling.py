@@ -27,7 +27,8 @@ _CACHE_BYTES = 2**24
 
 
 class Sampler:
-    """Evaluation of a CasADi function with NumPy arrays, for many columns of inputs, in chunks. Thread-safe.
+    """Evaluation of a CasADi function with NumPy arrays, for many columns of inputs, in chunks. Calls are
+    thread-safe.
 
     shared: number of inputs, at the end of the list of inputs, that are the same for all columns."""
 
@@ -47,7 +48,6 @@ class Sampler:
             self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
-    # At exit of the interpreter, the names of this module may be deleted before an instance.
     _release = staticmethod(release)
 
     def __del__(self) -> None:

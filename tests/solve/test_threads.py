@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import solve
 from solve import threads
 from solve.arguments import SMALL
+from solve.model import sampling
 from solve.model.sampling import Sampler
 from solve.threads import one_thread
 from tests.solve import systems
@@ -120,7 +121,14 @@ class Owner:
         threads.release(vars(self))
 
 
-def test_memory_of_unused_functions_is_released_by_the_next_symbolic_call():
+def test_finalisers_run_after_their_modules_are_cleared(monkeypatch):
+    """At the end of the process, variables of modules may be None."""
+    sampler = Sampler(casadi.Function("f", [casadi.SX.sym("x")], [casadi.SX(1.0)]))
+    monkeypatch.setattr(sampling, "release", None)
+    sampler.__del__()
+
+
+def test_next_symbolic_call_releases_memory_of_unused_functions():
     build = threads.symbolic(Result)
     used, unused = build(), build()
     reference, owned = weakref.ref(unused), Owner(Result())
