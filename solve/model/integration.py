@@ -64,10 +64,8 @@ class ModelIntegrator:
         self.nodes = np.linspace(0.0, period, count + 1)
         self._sizes, self._n, self._period, self._breaks = np.tile(sizes, 2), n, period, setup.breaks
 
-    _release = staticmethod(release)
-
     def __del__(self) -> None:
-        self._release(vars(self))
+        release(vars(self))
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         """Integrate over a period, see `Integrator`. Raises TransientError if the integration fails."""
