@@ -85,10 +85,42 @@ def _nc_arrays(file: Path) -> dict[str, Any]:
 
     with h5py.File(file) as content:
         datasets = {name: each for name, each in content.items() if isinstance(each, h5py.Dataset)}
-        return {
-            name: each.asstr()[()] if h5py.check_string_dtype(each.dtype) else each[()]
-            for name, each in datasets.items()
-        }
+        for name in datasets.keys() & _NETCDF_UNITS.keys():
+            _require_unit(name, datasets[name].attrs.get("units", ""))
+        return {name: _netcdf_values(each) for name, each in datasets.items()}
+
+
+_ANGLES = "", "rad", "radian", "radians"
+_NETCDF_UNITS = {
+    "phase": _ANGLES,
+    "phase_period": _ANGLES,
+    "speed": ("", "rad/s", "radian/s", "radians/s", "rad s-1", "rad s^-1", "1/s", "s-1"),
+}
+"""Mapping from variables to the permitted values of their attribute `units`."""
+
+
+def _require_unit(name: str, unit: Any) -> None:
+    text = unit.decode() if isinstance(unit, bytes) else str(unit)
+    if text not in _NETCDF_UNITS[name]:
+        raise FileError(f"{name} has the units '{text}'; write it in {_NETCDF_UNITS[name][1]}")
+
+
+def _netcdf_values(dataset: Any) -> Any:
+    """Values of a variable, unpacked by its attributes scale_factor and add_offset. Missing values are NaN
+    (NetCDF Climate and Forecast Metadata Conventions, sections 2.5.1 and 8.1)."""
+    import h5py
+
+    if h5py.check_string_dtype(dataset.dtype):
+        return dataset.asstr()[()]
+    values, attributes = np.asarray(dataset[()]), dataset.attrs
+    marks = [attributes[name] for name in ("_FillValue", "missing_value") if name in attributes]
+    if "scale_factor" in attributes or "add_offset" in attributes:
+        scale, offset = attributes.get("scale_factor", 1.0), attributes.get("add_offset", 0.0)
+        unpacked = values * np.ravel(scale)[0] + np.ravel(offset)[0]
+    else:
+        unpacked = values
+    missing = np.isin(values, np.concatenate([np.ravel(mark) for mark in marks])) if marks else False
+    return np.where(missing, np.nan, unpacked) if np.any(missing) else unpacked
 
 
 ENDINGS: dict[str, Callable[[Path], Mapping[str, Any]]] = {

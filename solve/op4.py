@@ -141,6 +141,13 @@ def _place(matrix: Array, column: int, row: int, values: Array) -> None:
     matrix[row - 1 : row - 1 + len(values), column - 1] = values
 
 
+def _add(matrices: dict[str, Array], name: str, matrix: Array) -> None:
+    """Add a matrix to the matrices of a file. Raises FileError for a second matrix of the same name."""
+    if name in matrices:
+        raise FileError(f"it contains two matrices {name}; write each matrix once")
+    matrices[name] = matrix
+
+
 class _Text:
     """Lines of a text file, with the number format of the current matrix."""
 
@@ -177,7 +184,7 @@ def _read_text(lines: Iterator[str]) -> dict[str, Array]:
                 source.numbers(count)
                 break
             _put(matrix, column, first, count, words, source)
-        matrices[header.name] = matrix
+        _add(matrices, header.name, matrix)
     return matrices
 
 
@@ -232,5 +239,5 @@ def _read_binary(content: bytes, order: str, size: int) -> dict[str, Array]:
             _put(matrix, column, first, count // per_number if first > 0 else count, words, source)
         else:
             raise ValueError(f"matrix {header.name} has no end")
-        matrices[header.name] = matrix
+        _add(matrices, header.name, matrix)
     return matrices

@@ -139,10 +139,19 @@ def mat_file(space: StateSpace, stability: Stability) -> bytes:
         "D": matrices.D,
         "y0": matrices.y0,
     }
-    if matrices.b.any():
-        arrays["b"] = matrices.b
+    if system.states:
+        # The file is read as a first-order system, whose only load is b.
+        arrays = {name: arrays[name] for name in "ABCD"} | {
+            "d": np.zeros_like(matrices.d),
+            "b": matrices.b + (matrices.B @ matrices.d[..., None])[..., 0],
+            "y0": matrices.y0 + (matrices.D @ matrices.d[..., None])[..., 0],
+        }
     content: dict[str, Any] = {name: np.moveaxis(array, 0, -1) for name, array in arrays.items()}
     texts = {name: _cells(values) for name, values in names._asdict().items()}
+    if not system.states:
+        texts["coordinates"] = _cells(system.coordinates)
+    elif not system.outputs:
+        texts["outputs"] = _cells(tuple(f"{name}_output" for name in names.outputs))
     labels = system.labels.parameter_labels
     content |= {
         "phase": space.phase,

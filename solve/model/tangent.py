@@ -75,4 +75,4 @@ class Tangent:
         residual = self.setup.function("residual_varying")
         if self.damping is not None:
             residual = damped_residual(residual, self.damping, self.setup.module.PERIOD)
-        return ModelIntegrator(residual, self.setup.p, self.setup.module.PERIOD, sizes, count, rtol)
+        return ModelIntegrator(residual, self.setup, sizes, count, rtol)

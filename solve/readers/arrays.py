@@ -143,11 +143,8 @@ def _repeated(array: Array, count: int) -> Array:
 
 
 def _phases(arrays: Mapping[str, Any], file: str) -> Array | None:
-    """Azimuths in rad; None if the file contains at most one azimuth."""
-    if "phase" not in arrays:
-        return None
-    phases = _real(arrays["phase"], "phase", file).ravel()
-    return phases if len(phases) > 1 else None
+    """Azimuths in rad; None if the file contains none."""
+    return _real(arrays["phase"], "phase", file).ravel() if "phase" in arrays else None
 
 
 def _number(arrays: Mapping[str, Any], name: str, file: str) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 from solve.arguments import matches_annotations
 from solve.array_files import require_file
 from solve.arrays import Array, uniform_phases
-from solve.errors import FileError, ValueOutOfBoundsError, require_name
+from solve.errors import FileError, SolveError, ValueOutOfBoundsError, require_name
 from solve.first_order import Signals
 from solve.readers.files import checked_path
 from solve.readers.fmi import Unit
@@ -113,6 +113,17 @@ def read_fmu(
         return UnitSystem(linearised, states, (inputs, outputs), period, _source(unit, file))
 
 
+def _require_speed(unit: Unit, name: str) -> None:
+    """Raise FileError if a variable that is set to the speed has a unit of speed other than rad/s."""
+    given = unit.labels[name][0]
+    try:
+        factor = float(speed_in_si(f"1 {given}")) if given else 1.0
+    except SolveError:
+        return
+    if factor != 1.0:
+        raise FileError(f"'{unit.path}': the drive {name} has the unit {given}; give a variable in rad/s")
+
+
 def _linearised(
     speed: float,
     file: Path,
@@ -125,6 +136,8 @@ def _linearised(
     variables that are set; NaN is replaced by the speed."""
     duration = period / speed
     with Unit(file, {name: speed if math.isnan(value) else value for name, value in values.items()}) as unit:
+        for name in (name for name, value in values.items() if math.isnan(value)):
+            _require_speed(unit, name)
         kept, is_resolved = _kept(unit, exclude), True
         if motion is None:
             function = closed_motion(unit, kept, duration)

@@ -16,7 +16,9 @@ from solve.errors import FileError, cause
 
 _FACT = re.compile(
     r"\s*(Rotor Speed|Azimuth|Number of continuous states|Number of inputs|Number of outputs):\s+(\S+)"
+    r"\s*(\S*)"
 )
+_UNITS = {"Rotor Speed": "rad/s", "Azimuth": "rad"}
 _SECTION = re.compile(r"\s*Order of (continuous states|inputs|outputs):")
 _ROW = re.compile(r"\s*(\d+)\s+(.+?)\s+([TF])\s+(?:(\d+)\s+)?(\S.*?)\s*$")
 """Row of a section: number, operating point, rotating frame (T or F), order of the derivative,
@@ -84,9 +86,11 @@ class _Parser:
         self._check()
 
     def _fact(self, found: re.Match[str]) -> None:
-        name, text = found.groups()
-        if name in ("Rotor Speed", "Azimuth"):
+        name, text, unit = found.groups()
+        if name in _UNITS:
             setattr(self.file, "azimuth" if name == "Azimuth" else "speed", self._numbers(text, 1)[0])
+            if unit not in ("", _UNITS[name]):
+                raise self._error(f"{name} in {_UNITS[name]}, not in {unit}")
         else:
             kind = _COUNTS[name.removeprefix("Number of ")]
             self.file.counts[kind] = self._integer(text)

@@ -76,10 +76,7 @@ def read_matrix_market(
                 f"'{file}' and '{numbers[number]}' contain the same matrix; give one of these files"
             )
         numbers[number] = file
-    counts = {symbol: len(numbers) for symbol, numbers in series.items() if len(numbers) > 1}
-    if len(set(counts.values())) > 1:
-        texts = ", ".join(f"{counted(count, 'file')} of {symbol}" for symbol, count in counts.items())
-        raise FileError(f"there are {texts}; give every matrix at the same azimuths, or one constant file")
+    _require_same_azimuths(series, uniform=phases is None)
     arrays: dict[str, Any] = {symbol: _stacked(numbers) for symbol, numbers in series.items()}
     for symbol in "db":
         if symbol in arrays:
@@ -90,6 +87,39 @@ def read_matrix_market(
         arrays["states" if "A" in arrays else "coordinates"] = np.array(list(coordinates))
     name = files[0].name[: _SYMBOL.search(files[0].name).start()] or files[0].parent.name  # type: ignore[union-attr]
     return system_of(arrays, name, None if speed is None else float(speed_in_si(speed)))
+
+
+def _require_same_azimuths(series: dict[str, dict[int, Path]], uniform: bool) -> None:
+    """Raise FileError unless all matrices that are not constant have files with the same numbers. If the
+    azimuths are `uniform`, the numbers must be equidistant."""
+    numbered = {symbol: sorted(numbers) for symbol, numbers in series.items() if [*numbers] != [-1]}
+    if not numbered:
+        return
+    (first, expected), *others = numbered.items()
+    for symbol, numbers in others:
+        if len(numbers) != len(expected):
+            texts = ", ".join(f"{counted(len(each), 'file')} of {name}" for name, each in numbered.items())
+            raise FileError(
+                f"there are {texts}; give every matrix at the same azimuths, or one constant file"
+            )
+        if numbers != expected:
+            number = min(set(numbers) ^ set(expected))
+            raise FileError(
+                f"only one of {first} and {symbol} has a file with number {number}; give every matrix at the "
+                "same azimuths, or one constant file"
+            )
+    if -1 in expected:
+        raise FileError(
+            f"'{series[first][-1]}' has no number, but other files of {first} do; give a file without number "
+            "for a constant matrix, or numbered files"
+        )
+    steps = np.diff(expected)
+    if uniform and (steps != steps[:1]).any():
+        gap = expected[int(np.argmax(steps))]
+        raise FileError(
+            f"the numbers of the files of {first} are not equidistant: {gap} is followed by "
+            f"{gap + steps.max()}; give all azimuths of the period, or the argument phases"
+        )
 
 
 def _stacked(numbers: dict[int, Path]) -> Array:

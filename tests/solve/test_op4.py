@@ -82,6 +82,8 @@ BAD = {
     "binary with wrong lengths": (GOOD_BINARY[:28] + b"\1" + GOOD_BINARY[29:], "damaged"),
     "diagonal form": (GOOD.replace(f"{6:8}{2:8}", f"{3:8}{2:8}"), "allowed: types 1 to 4, forms 1, 2 and 6"),
     "too large": (GOOD.replace(f"{3:8}{3:8}{6:8}", f"{9000:8}{9000:8}{6:8}"), "allowed: up to 5000"),
+    "two matrices of one name": (GOOD + GOOD, "it contains two matrices KAA"),
+    "two binary matrices of one name": (GOOD_BINARY * 2, "it contains two matrices KAA"),
     "complex": (text({"KAA": 1j * np.eye(2), "MAA": np.eye(2)}), "expected real numbers"),
 }
 

@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 import solve
+from derive import Max, Mechanism, rate, rectangle
 from solve.errors import FileError, LinearModelError, ResonanceError, TransientError, ValueOutOfBoundsError
 from tests.solve.derivatives.test_jumps import pushed
 from tests.solve.newton.mechanisms import duffing, model_of
@@ -252,6 +253,46 @@ def test_load_that_starts_within_a_revolution_moves_the_system(drive):
     for name in ("q", "qd"):
         ends = [getattr(each, name)[0, -1] for each in (followed, linear)]
         assert ends[0] == pytest.approx(ends[1], abs=1e-4)
+
+
+def struck(blow, length):
+    """Oscillator on a stop that is out of reach, struck by two short pulses of opposite sign per period."""
+    rig = Mechanism("struck", "Struck oscillator")
+    q = rig.coordinate("q", "m", "displacement")
+    m, c, k, far = rig.parameters(
+        m=("kg", "mass", "> 0"), c=("N s/m", "damping"), k=("N/m", "stiffness"), far=("m", "distance")
+    )
+    rig.kinetic, rig.potential = m * rate(q) ** 2 / 2, k * q**2 / 2
+    rig.dissipation = c * rate(q) ** 2 / 2
+    blows = rectangle(rig.phase, blow, blow + length) - rectangle(rig.phase, blow + 2, blow + 2 + length)
+    rig.force(k * far * blows / 8 / length - k * Max(0, q - far), along=q)
+    return solve.load(rig, m=1.3, c=0.2, k=2.1, far=3.0)
+
+
+@pytest.mark.parametrize("drive", [{"speed": 1.7}, {"speeds": (0.0, 3.0)}, {"speeds": (4.0, 1.0)}])
+@pytest.mark.parametrize("length", [1e-4, 0.007])
+def test_nonlinear_motion_includes_short_pulses_between_breaks(drive, length):
+    """Before it reaches the stop, the motion is linear, and the sum of the responses to the pulses."""
+    first, last = drive.get("speeds", (1.7, 1.7))
+    duration = 4 * np.pi / (first + last)
+    slope = (last - first) / duration
+
+    def time(phase):
+        return 2 * phase / (first + np.sqrt(first**2 + 2 * slope * phase))
+
+    decay = 0.2 / 1.3 / 2
+    frequency = np.sqrt(2.1 / 1.3 - decay**2)
+    nodes, weights = np.polynomial.legendre.leggauss(8)
+    expected = 0.0
+    for begin, sign in ((0.9, 1.0), (2.9, -1.0)):
+        ends = time(begin), time(begin + length)
+        times = np.mean(ends) + nodes * np.diff(ends) / 2
+        ages = duration - times
+        response = np.exp(-decay * ages) * np.sin(frequency * ages) / (1.3 * frequency)
+        expected += sign * 2.1 * 3.0 / 8 / length * np.diff(ends)[0] / 2 * (weights @ response)
+    found = solve.transient(struck(0.9, length), turns=1, nonlinear=True, rtol=1e-4, **drive)
+    assert np.abs(found.q).max() < 3
+    assert found.q[0, -1] == pytest.approx(expected, rel=1e-5)
 
 
 @pytest.mark.parametrize(("start", "length"), [(2.7182, 0.008), (0.4321, 0.03)])

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 import solve
 from solve.errors import FileError, MissingLibraryError, UnknownNameError, ValueOutOfBoundsError
+from tests.solve.readers import fmi2_unit
 from tests.solve.readers.fmi2_unit import NUMBERS, require_fmu_tools, write_unit
 
 DRIVE = "phase", "speed"
@@ -46,6 +47,15 @@ def test_fmi_2_unit_has_the_multipliers_of_its_equation(tmp_path):
     _, _, B, C, D = read.equations_at(np.zeros(1), 1.0)
     assert (B[0].tolist(), C[0].tolist(), D[0].tolist()) == ([[0.0], [1.0]], [[2.0, 0.0]], [[0.0]])
     assert (read.labels.units["x"], read.labels.meanings["x"], read.labels.title) == ("m", "the x", "Hill")
+
+
+@pytest.mark.parametrize("unit", ["rpm", "Hz"])
+def test_drive_with_another_unit_of_speed_is_refused(tmp_path, monkeypatch, unit):
+    text = fmi2_unit.description().replace('<Real unit="m" start="1.6"', f'<Real unit="{unit}" start="1.6"')
+    text = text.replace('<Unit name="m"/>', f'<Unit name="m"/><Unit name="{unit}"/>')
+    monkeypatch.setattr(fmi2_unit, "description", lambda kind: text.replace("KIND", kind))
+    with pytest.raises(FileError, match=f"the drive d has the unit {unit}; give a variable in rad/s"):
+        solve.read_fmu(write_unit(tmp_path), 1.0, drive="d")
 
 
 def test_given_values_and_motion_are_used(tmp_path):

@@ -98,6 +98,45 @@ def test_first_and_second_order_files_give_the_same_solution(tmp_path):
     np.testing.assert_allclose(results[0].at(0.3)[0], results[1].at(0.3)[0][:2], atol=1e-4)
 
 
+def test_packed_netcdf_variables_are_unpacked(tmp_path):
+    """Integers k stand for 0.001 k - 2; the speed is packed as a scalar with an offset only."""
+    integers = np.round((ARRAYS["second"]["K"] + 2) / 1e-3).astype(np.int32)
+    packed = {"scale_factor": 1e-3, "add_offset": -2.0}
+    axes = "azimuth", "row", "column"
+    variables = {
+        "M": (axes, ARRAYS["second"]["M"]),
+        "K": (axes, integers, packed),
+        "speed": ((), np.int16(3), {"add_offset": 1.0, "units": "rad s-1"}),
+    }
+    xarray.Dataset(variables).to_netcdf(tmp_path / "p.nc", engine="h5netcdf")
+    system = solve.read_netcdf(tmp_path / "p.nc")
+    assert system.labels.case_speed == "4.0 rad/s"
+    np.testing.assert_allclose(system.at(PHASES, 4.0)[2], integers * 1e-3 - 2, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "attributes", "words"),
+    [
+        ("M", {"missing_value": 1.0}, "M has NaN"),
+        ("phase", {"units": "degrees"}, "phase has the units 'degrees'; write it in rad"),
+        ("speed", {"units": "rpm"}, "speed has the units 'rpm'; write it in rad/s"),
+    ],
+)
+def test_missing_values_and_other_units_of_netcdf_are_refused(tmp_path, name, attributes, words):
+    phase = np.arange(8) * np.pi / 4
+    variables = {
+        "M": (("azimuth", "row", "column"), np.ones((8, 1, 1))),
+        "K": (("azimuth", "row", "column"), 4 + np.cos(phase)[:, None, None]),
+        "phase": ("azimuth", phase),
+        "speed": ((), 2.0),
+    }
+    dataset = xarray.Dataset(variables)
+    dataset[name].attrs.update(attributes)
+    dataset.to_netcdf(tmp_path / "m.nc", engine="h5netcdf")
+    with pytest.raises(FileError, match=words):
+        solve.read_netcdf(tmp_path / "m.nc")
+
+
 def test_exported_model_is_read_back(tmp_path):
     cam, file = solve.load("cam"), tmp_path / "cam.mat"
     solve.export(cam, file, "600 rpm", samples=256)
@@ -105,6 +144,45 @@ def test_exported_model_is_read_back(tmp_path):
     assert read.coordinates == cam.coordinates
     expected = solve.floquet(cam, "600 rpm").multipliers
     np.testing.assert_allclose(solve.floquet(read, "600 rpm").multipliers, expected, atol=1e-7)
+
+
+def test_exported_coordinates_keep_their_names(tmp_path):
+    crane = solve.PeriodicSystem.from_samples(
+        *(ARRAYS["second"][name] for name in "MCKd"), ["trolley", "hook"]
+    )
+    solve.export(crane, tmp_path / "crane.mat", 2.5)
+    assert solve.read_mat(tmp_path / "crane.mat").coordinates == ("trolley", "hook")
+
+
+def lagged_inflow(phase, speed):
+    one = np.ones(len(phase))
+    M = one[:, None, None] * np.diag([2.0, 0.0])
+    C = one[:, None, None] * np.array([[0.3, 0.0], [0.4, 1.5]])
+    K = np.array([[4.0, -1.0], [0.2, 1.0]]) + 0.3 * np.cos(phase)[:, None, None]
+    return M, C, K, np.stack((np.cos(phase), 1 + np.sin(2 * phase)), axis=1)
+
+
+MIXED = solve.MixedSystem(lagged_inflow, ["flap"], ["inflow"])
+STATES = solve.FirstOrderSystem.from_samples(ARRAYS["first"]["A"], ARRAYS["first"]["b"], ["a", "b", "c", "d"])
+
+
+@pytest.mark.parametrize("system", [MIXED, STATES], ids=["mixed", "first order"])
+def test_exported_first_order_states_are_read_back(tmp_path, system):
+    solve.export(system, tmp_path / "s.mat", 1.3, samples=32)
+    read = solve.read_mat(tmp_path / "s.mat")
+    phase = np.array([0.4, 3.0, 5.5])
+    expected, found = solve.periodic(system, 1.3), solve.periodic(read, 1.3)
+    np.testing.assert_allclose(found.multipliers, expected.multipliers, atol=1e-9)
+    rows = [read.states.index(name) for name in system.coordinates]
+    np.testing.assert_allclose(found.at(phase)[rows], expected.at(phase), atol=1e-7)
+
+
+def test_single_azimuth_is_not_taken_for_constant_matrices(tmp_path):
+    solve.export(solve.load("cam"), tmp_path / "cam.mat", "600 rpm", samples=1)
+    np.savez(tmp_path / "one.npz", M=np.eye(1), K=np.eye(1), phase=[0.3])
+    for file in ("cam.mat", "one.npz"):
+        with pytest.raises(MatricesError, match="1 azimuth does not determine any harmonic"):
+            solve.load(str(tmp_path / file))
 
 
 def test_irregular_azimuths_and_constant_matrices_are_read(tmp_path):
@@ -241,6 +319,22 @@ def test_inconsistent_matrix_market_files_are_refused(tmp_path):
     (tmp_path / "run.other.mtx").write_text("")
     with pytest.raises(FileError, match="lacks the symbol"):
         solve.read_matrix_market(pattern)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["M", "K.1", "K.2", "K.3", "K.5"], "not equidistant: 3 is followed by 5"),
+        (["M.1", "M.2", "M.3", "K.1", "K.2", "K.4"], "a file with number 3"),
+        (["M.1", "M.2", "M.3", "K.2"], "there are 1 file of K, 3 files of M"),
+        (["M", "K", "K.1", "K.2"], "has no number, but other files of K do"),
+    ],
+)
+def test_missing_azimuths_are_refused(tmp_path, names, message):
+    for name in names:
+        scipy.io.mmwrite(tmp_path / f"run.{name}.mtx", np.eye(1))
+    with pytest.raises(FileError, match=message):
+        solve.read_matrix_market(str(tmp_path / "run.*.mtx"))
 
 
 def test_wrong_number_of_azimuths_is_refused(tmp_path):

@@ -99,6 +99,11 @@ MALFORMED = {
         edited("Azimuth:        ", "Azimuth:  north "),
         "line 10: expected 1 finite number",
     ),
+    "azimuth in degrees": (edited("0.5000 rad", "0.5000 deg"), "expected Azimuth in rad, not in deg"),
+    "speed in revolutions per minute": (
+        edited("rad/s\n", "rpm\n"),
+        "expected Rotor Speed in rad/s, not in rpm",
+    ),
     "no states": (edited("Order of continuous states:", "Order of nothing:"), "it has no continuous states"),
     "a row is missing": (edited("\n          2  ", "\n          3  "), "expected row 2 of 6 states"),
     "no rotating flag": (edited("T               2", "X               2"), "expected row 1 of 6 states"),
