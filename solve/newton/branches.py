@@ -63,7 +63,7 @@ def branch(
     """Continue nonlinear orbits in the speed or another parameter, also through folds and along isolated
     branches.
 
-    Folds, period doublings and tori (Neimark–Sacker points) are located to `rtol`.
+    Folds, period doublings, tori (Neimark–Sacker points) and branching points are located to `rtol`.
 
     Parameters
     ----------
