@@ -20,7 +20,7 @@ from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import Path, is_located, special_points, zero_between
 from solve.period.grid import Grid
-from solve.results.branch import BRANCHING, FOLD, GRAZING
+from solve.results.branch import FOLD, GRAZING
 from solve.results.orbit import Orbit
 from solve.terminal import progress
 from solve.threads import one_thread
@@ -225,8 +225,8 @@ class _BranchFollower:
         """Return copies of the points in which the error of the spectral radius includes the effect of the
         error of the parameter. The error of the parameter moves the orbit along the branch.
 
-        At a fold or a branching point, the error of the spectral radius is at least the distance from +1 of
-        the nearest multiplier. At grazing orbits, the error is infinite.
+        At a fold, the error of the spectral radius is at least the distance from +1 of the nearest
+        multiplier. At grazing orbits, the error is infinite.
 
         Let p' and p'' be the derivatives of the parameter p with respect to the arclength. An error e of p
         moves the orbit by e/|p'| along the branch. At a turning point, where p' = 0, it moves the orbit by
@@ -245,9 +245,7 @@ class _BranchFollower:
             moved = abs(point.value - point.unknowns.value) + _ROUNDOFF * max(abs(point.value), self.span)
             with np.errstate(divide="ignore"):
                 along = min(moved / np.abs(point.direction.value), np.sqrt(2 * moved / bend))
-            radius_error = max(
-                radius_error, slope * along, orbit.nearest if point.kind in (FOLD, BRANCHING) else 0.0
-            )
+            radius_error = max(radius_error, slope * along, orbit.nearest if point.kind == FOLD else 0.0)
             if point.kind == GRAZING or grazes(self.manifold, point):
                 radius_error = math.inf
             with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))

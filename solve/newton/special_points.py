@@ -37,6 +37,9 @@ _FRACTIONS = 0.08, 0.25, 0.42, 0.58, 0.75, 0.92
 addition to the ends of the path. Chosen by judgement: on a path of 0.01, the interpolation error is of the
 order of 0.01 to the power of the number of points."""
 
+_MIN_POINTS = 6
+"""Minimum number of points between which a branching point is interpolated. Chosen by judgement."""
+
 _DEGREE_FRACTION = 0.1
 """Largest permitted difference, as a fraction of rtol, between the parameters at zeros of polynomials of two
 degrees. Chosen by judgement: the difference is the error of the polynomial of lower degree, which is far
@@ -120,9 +123,9 @@ def doubling_test(point: Point) -> float:
 
 
 def _branching_test(point: Point) -> float:
-    """Test function Π (1 - ρ)/(1 + |ρ|), which changes sign where a multiplier passes through +1."""
-    rho = point.orbit.multipliers
-    return float(np.prod((1 - rho) / (1 + np.abs(rho))).real)
+    """Test function det(I - Φ), which changes sign where a multiplier passes through +1. It is smooth where
+    real multipliers become complex."""
+    return float(np.prod(1 - point.orbit.multipliers).real)
 
 
 def _torus_test(point: Point) -> float:
@@ -169,10 +172,11 @@ def _interpolated(
         with suppress(SolveError):
             points.append(at(fraction * length))
             lengths.append(fraction * length)
+    if len(points) < _MIN_POINTS:
+        raise NoOrbitError("the point is not located")
     values = [test(point) for point in points]
     fewer, zero = (_zero(lengths[k:], values[k:], length) for k in (2, 0))
-    found = _between(points, lagrange(np.array(lengths), np.array([zero]))[0])
-    other = _between(points[2:], lagrange(np.array(lengths[2:]), np.array([fewer]))[0])
+    found, other = _between(points, lengths, zero), _between(points[2:], lengths[2:], fewer)
     if not is_located(manifold, other, found, _DEGREE_FRACTION):
         raise NoOrbitError("the point is not located")
     return zero, found
@@ -189,25 +193,34 @@ def _zero(lengths: Sequence[float], values: Sequence[float], end: float) -> floa
     return end * float(real[inside[0]])
 
 
-def _between(points: Sequence[Point], weights: Array) -> Point:
-    """Return the weighted sum of points. Error estimates are the largest ones of the points."""
-    nearest = points[int(weights.argmax())]
+def _between(points: Sequence[Point], lengths: Sequence[float], length: float) -> Point:
+    """Return the point at a length along a path by polynomial interpolation between points at `lengths`.
+    Error estimates are the largest ones of the points. Multipliers are interpolated between points at which
+    as many of them are real as at the nearest point; the one nearest to +1 is then set to +1, and its change
+    is included in the error of the spectral radius."""
+
+    def mean(values: Sequence[Array], chosen: Sequence[int]) -> Array:
+        at = np.array(lengths)[list(chosen)]
+        return np.tensordot(lagrange(at, np.array([length]))[0], [values[k] for k in chosen], 1)
+
+    nearest = points[int(np.abs(np.array(lengths) - length).argmin())]
     unknowns = nearest.unknowns.times(0.0)
-    for point, weight in zip(points, weights, strict=True):
+    for point, weight in zip(points, lagrange(np.array(lengths), np.array([length]))[0], strict=True):
         unknowns = point.unknowns.beside(unknowns).times(float(weight)).plus(1.0, unknowns)
-    orbits = [point.orbit for point in points]
-
-    def mean(name: str) -> Array:
-        return np.tensordot(weights, np.array([getattr(orbit, name) for orbit in orbits]), 1)
-
+    orbits, every = [point.orbit for point in points], range(len(points))
+    real = [int(np.isreal(orbit.multipliers).sum()) for orbit in orbits]
+    alike = [k for k in every if real[k] == int(np.isreal(nearest.orbit.multipliers).sum())]
+    multipliers = mean([orbit.multipliers for orbit in orbits], alike)
+    critical = int(np.abs(multipliers - 1).argmin())
+    changed, multipliers[critical] = abs(multipliers[critical] - 1), 1.0
     orbit = replace(
         nearest.orbit,
-        values=mean("values"),
-        figures=mean("figures"),
-        multipliers=mean("multipliers"),
-        radius=float(mean("radius")),
+        values=mean([orbit.values for orbit in orbits], every),
+        figures=mean([orbit.figures for orbit in orbits], every),
+        multipliers=multipliers,
+        radius=float(np.abs(multipliers).max()),
         figure_errors=np.max([orbit.figure_errors for orbit in orbits], axis=0),
-        errors=np.max([orbit.errors for orbit in orbits], axis=0),
+        errors=np.max([[0.0, changed], *(orbit.errors for orbit in orbits)], axis=0),
     )
     return replace(nearest, unknowns=unknowns, orbit=orbit)
 

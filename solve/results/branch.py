@@ -131,9 +131,7 @@ class BranchPoints(ResultOver):
 
 @dataclass(frozen=True)
 class Branch(BranchPoints):
-    """Branch of P nonlinear orbits, from `solve.branch`.
-
-    It has the attributes of `BranchPoints`.
+    """Branch of P nonlinear orbits, from `solve.branch`, with the attributes of `BranchPoints`.
 
     Attributes
     ----------

@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
 import solve
+from solve.results.branch import BRANCHING, KINDS
 from tests.solve.newton.mechanisms import duffing, held_pendulum, model_of, pendulum
 
 SWING = 2 / 3
@@ -17,29 +18,43 @@ def driven(F):
     return model_of(held_pendulum(), c=0.5, g=1.0, t=0.0, F=F)
 
 
-@pytest.fixture(scope="module")
-def exact():
-    """Displacement at phase 0, and load, at which the symmetric orbit q(φ + π) = -q(φ) of the driven pendulum
-    loses its symmetry. There, the half-period map -P has the multiplier -1, whose square is the multiplier +1
-    of the period."""
+def losing_symmetry(acceleration, jacobian, duration, start):
+    """Displacement and velocity at phase 0, and parameter, at which symmetric orbits q(φ + π) = -q(φ) lose
+    their symmetry. There, the half-period map -P has the multiplier -1, whose square is the multiplier +1 of
+    the period.
 
-    def half(x, F):
+    acceleration, jacobian: functions (t, q, v, p) of the parameter p, which return q̈ and ∂q̈/∂(q, q̇).
+    duration: function of p that returns half a period. start: initial guess (3,)."""
+
+    def half(x, p):
         def rate(t, y):
             (q, v), Phi = y[:2], y[2:].reshape(2, 2)
-            A = np.array([[0.0, 1.0], [-np.cos(q), -0.5]])
-            return np.concatenate(([v, F * np.cos(SWING * t) - 0.5 * v - np.sin(q)], (A @ Phi).ravel()))
+            A = np.array([[0.0, 1.0], jacobian(t, q, v, p)])
+            return np.concatenate(([v, acceleration(t, q, v, p)], (A @ Phi).ravel()))
 
-        start = np.append(x, np.eye(2).ravel())
-        run = solve_ivp(rate, (0, np.pi / SWING), start, "DOP853", rtol=3e-14, atol=1e-14)
+        first = np.append(x, np.eye(2).ravel())
+        run = solve_ivp(rate, (0, duration(p)), first, "DOP853", rtol=3e-14, atol=1e-14)
         return run.y[:2, -1], run.y[2:, -1].reshape(2, 2)
 
     def equations(z):
         after, P = half(z[:2], z[2])
         return np.append(after + z[:2], np.linalg.det(P - np.eye(2)))
 
-    orbit = solve.nonlinear(driven(0.95), SWING)
-    found = fsolve(equations, [orbit.q[0, 0], orbit.qd[0, 0], 1.0], xtol=1e-13)
+    found = fsolve(equations, start, xtol=1e-13)
     assert np.abs(equations(found)).max() < 1e-11
+    return found
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """Displacement at phase 0, and load, at which the orbit of the driven pendulum loses its symmetry."""
+    orbit = solve.nonlinear(driven(0.95), SWING)
+    found = losing_symmetry(
+        lambda t, q, v, F: F * np.cos(SWING * t) - 0.5 * v - np.sin(q),
+        lambda t, q, v, F: [-np.cos(q), -0.5],
+        lambda F: np.pi / SWING,
+        [orbit.q[0, 0], orbit.qd[0, 0], 1.0],
+    )
     return found[0], found[2]
 
 
@@ -52,7 +67,7 @@ def test_symmetric_orbits_of_a_pendulum_lose_their_symmetry(exact, first, last, 
     found = solve.branch(driven(first), SWING, over=f"F={first}:{last}", start=start, rtol=rtol)
     (point,), (displacement, load) = found.branchings, exact
     assert point["F"] == pytest.approx(load, rel=1e-8)
-    assert point["multiplier"] == pytest.approx(1, abs=1e-8)
+    assert point["multiplier"] == 1
     assert (found.ended, found.folds, found.doublings, found.tori) == ("", [], [], [])
     at = int(np.flatnonzero(found.kinds)[0])
     before, after = ("asymptotically stable", "unstable")[:: 1 if last > first else -1]
@@ -99,3 +114,20 @@ def test_folds_are_not_branching_points():
     found = solve.branch(model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.3), (0.9, 2.2))
     assert len(found.folds) == 2
     assert found.branchings == []
+
+
+@pytest.mark.parametrize(("zeta", "f"), [(0.05, 2.0), (0.02, 3.0)])
+def test_symmetric_orbits_of_a_buckled_beam_lose_their_symmetry(zeta, f):
+    """q̈ + 2ζ q̇ - q + q³ = f cos φ. Real multipliers become complex near the point."""
+    found = solve.branch(model_of(duffing(), zeta=zeta, k=-1.0, alpha=1.0, f=f), (2.5, 0.9), rtol=1e-8)
+    (point,), (at,) = found.branchings, np.flatnonzero(found.kinds == KINDS.index(BRANCHING)).tolist()
+    curve, speed, zero = found.curve(at), point["speed"], np.zeros(1)
+    *_, expected = losing_symmetry(
+        lambda t, q, v, speed: f * np.cos(speed * t) - 2 * zeta * v + q - q**3,
+        lambda t, q, v, speed: [1 - 3 * q**2, -2 * zeta],
+        lambda speed: np.pi / speed,
+        [curve(zero)[0, 0], speed * curve(zero, 1)[0, 0], speed],
+    )
+    assert speed == pytest.approx(expected, rel=1e-8)
+    assert np.iscomplex(found.multipliers[[at - 1, at + 1]]).any()
+    assert (point["multiplier"], found.verdicts[at]) == (1, "undetermined")
