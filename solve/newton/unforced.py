@@ -38,6 +38,10 @@ _DETUNED, _FAR = 1e-3, 0.05
 """Smallest and largest difference between the frequency of the first orbit and that of small vibrations,
 relative to the length of the range. Chosen by judgement."""
 
+_NARROWEST = 1e-4
+"""Relative distance between an amplitude at which an orbit is found and one at which none is found, below
+which the search for the first orbit ends. Chosen by judgement."""
+
 _IS_ZERO = 1e-9
 """Size of damping terms, and of variations of the coefficients, that counts as zero, relative to the
 stiffness. Chosen by judgement: above round-off, and too small to affect the modes."""
@@ -167,28 +171,40 @@ class _Reversed:
 
 
 def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -> Point:
-    """Return the first orbit of a mode. Its amplitude is the smallest trial amplitude at which its frequency
-    clearly differs from that of small vibrations. Raises ValueOutOfBoundsError if the equations contain
-    loads, damping or varying coefficients along this orbit."""
+    """Return the first orbit of a mode. Raises ValueOutOfBoundsError if the equations contain loads, damping
+    or varying coefficients along this orbit."""
+    point = _detuned(parameters, frequency, shape)
+    if _is_forced(parameters.task, point):
+        raise _forced_error(parameters.task, "along vibrations", _VARYING)
+    return point
+
+
+def _detuned(parameters: ContinuationParameters, frequency: float, shape: Array) -> Point:
+    """Return the orbit of a mode at the smallest trial amplitude at which its frequency clearly differs from
+    that of small vibrations. If no orbit is found beyond some amplitude, as beyond the clearance of a hard
+    stop, return the orbit at this amplitude."""
     grid, manifold = parameters.task.grid(_STEPS), Manifold(parameters)
     growing, shifting = (_harmonic(parameters.task, grid, shape, way) for way in (np.cos, np.sin))
     ways, span, below, amplitude = [growing, shifting], parameters.spans[0], 0.0, _LEAST
-    largest = _MOST
+    largest, last = _MOST, None
     while amplitude < largest:
         unknowns = Unknowns(growing.times(amplitude).curve, np.array([frequency, 0.0]))
         try:
             point = manifold.held(unknowns, ways, grid)
         except SolveError:
-            break
+            if last is None:
+                break
+            if amplitude < (1 + _NARROWEST) * below:
+                return last
+            largest, amplitude = amplitude, (below + amplitude) / 2
+            continue
         detuned = abs(point.value - frequency) / span
         if _DETUNED < detuned < _FAR or (detuned > _FAR and amplitude < (1 + _DETUNED) * below):
-            if _is_forced(parameters.task, point):
-                raise _forced_error(parameters.task, "along vibrations", _VARYING)
             return point
         if detuned > _FAR:
             largest, amplitude = amplitude, (below + amplitude) / 2
         else:
-            below, amplitude = amplitude, min(_GROWTH * amplitude, (amplitude + largest) / 2)
+            last, below, amplitude = point, amplitude, min(_GROWTH * amplitude, (amplitude + largest) / 2)
     raise NoOrbitError(
         f"no nonlinear mode was found near {parameters.task.speed_text(frequency)}: its frequency does not "
         f"change up to an amplitude of {amplitude:.1e}, in units of the coordinates"

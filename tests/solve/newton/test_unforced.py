@@ -8,7 +8,7 @@ import solve
 from derive import Heaviside, Mechanism, exp, rate, sin
 from solve.errors import ValueOutOfBoundsError
 from tests.derive.modules import module_of
-from tests.solve.newton.mechanisms import absorber, duffing, model_of
+from tests.solve.newton.mechanisms import absorber, duffing, model_of, stop
 
 
 def test_frequency_of_duffings_mode_matches_elliptic_functions():
@@ -136,3 +136,22 @@ def test_mode_ends_where_a_dashpot_begins_to_act():
         found.ended
         == "beyond the last orbit, the equations contain damping, or terms that vary with the phase"
     )
+
+
+@pytest.mark.parametrize("kappa", [30.0, 300.0, 3000.0])
+def test_modes_with_a_hard_stop(kappa):
+    """In free flight, q = A cos t. During contact, the mass vibrates about κ/(1 + κ) with the frequency √(1 +
+    κ)."""
+    model = model_of(stop(), zeta=0.0, k=1.0, kappa=kappa, gap=1.0, f=0.0)
+    found = solve.branch(model, "0.9:1.6 rad/s", unforced=True, rtol=1e-8, points=40)
+    assert (found.ended, found.values[-1]) == ("", 1.6)
+    peak = found.figures[:, 0, 0]
+    touches = peak > 1.001
+    assert touches.sum() > 5
+    centre, rate_in_contact = kappa / (1 + kappa), np.sqrt(1 + kappa)
+    depth = peak[touches] - centre
+    velocity = rate_in_contact * np.sqrt(depth**2 - (1 - centre) ** 2)
+    flight = 2 * (np.pi - np.arctan(velocity))
+    contact = 2 * np.arccos((1 - centre) / depth) / rate_in_contact
+    np.testing.assert_allclose(found.speeds[touches], 2 * np.pi / (flight + contact), rtol=1e-7)
+    np.testing.assert_allclose(found.speeds[peak < 1], 1.0, rtol=1e-9)
