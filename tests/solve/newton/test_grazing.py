@@ -146,27 +146,6 @@ def test_a_branch_that_turns_back_does_not_retrace_itself():
     assert found.values[-1] == 0.85
 
 
-@pytest.mark.parametrize(
-    ("made", "zeta", "kappa", "speed"), [(stop, 0.054, 1120.0, 1.215), (two_stops, 0.0673, 794.0, 1.887)]
-)
-def test_a_branch_may_turn_back_and_leave_its_range_within_the_step_beyond_grazing(made, zeta, kappa, speed):
-    """The range begins 1e-6 before the grazing orbit."""
-    reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
-    numbers = {"zeta": zeta, "k": 1.0, "kappa": kappa, "gap": reach, "f": 1 - 1e-6}
-    model = model_of(made(), **numbers)
-    found = solve.branch(model, speed, over=f"f={numbers['f']!r}:1.1", rtol=1e-5)
-    assert found.ended == ""
-    assert found.values[-1] == found.values[0] == numbers["f"]
-    orbit = solve.nonlinear(model, speed, start=found.curve(len(found.values) - 1))
-    x = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
-    for _ in range(2):
-        after, Phi, events = integrated(x, numbers, speed, *((abs,) if made is two_stops else ()))
-        x = x + np.linalg.solve(np.eye(2) - Phi, after - x)
-    assert len(events) in (2, 4)
-    assert found.radius[-1] == pytest.approx(np.abs(np.linalg.eigvals(Phi)).max(), rel=1e-3)
-    assert found.radius[-1] > 2
-
-
 def test_a_branch_over_the_load_passes_two_stops_at_once():
     zeta, speed = 0.029, 0.78
     reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
@@ -344,3 +323,24 @@ def test_branch_lists_every_fold_and_grazing_orbit(zeta, kappa, gap, speeds):
     for exact in np.sqrt(np.roots([1, 4 * zeta**2 - 2, 1 - gap**-2])):
         if branch.values[0] < exact < branch.values[-1]:
             assert np.abs(listed / exact - 1).min() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("made", "zeta", "kappa", "speed"), [(stop, 0.054, 1120.0, 1.215), (two_stops, 0.0673, 794.0, 1.887)]
+)
+def test_branch_may_turn_back_and_leave_range_in_step_beyond_grazing(made, zeta, kappa, speed):
+    """The range begins 1e-6 before the grazing orbit."""
+    reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
+    numbers = {"zeta": zeta, "k": 1.0, "kappa": kappa, "gap": reach, "f": 1 - 1e-6}
+    model = model_of(made(), **numbers)
+    found = solve.branch(model, speed, over=f"f={numbers['f']!r}:1.1", rtol=1e-5)
+    assert found.ended == ""
+    assert found.values[-1] == found.values[0] == numbers["f"]
+    orbit = solve.nonlinear(model, speed, start=found.curve(len(found.values) - 1))
+    x = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
+    for _ in range(2):
+        after, Phi, events = integrated(x, numbers, speed, *((abs,) if made is two_stops else ()))
+        x = x + np.linalg.solve(np.eye(2) - Phi, after - x)
+    assert len(events) in (2, 4)
+    assert found.radius[-1] == pytest.approx(np.abs(np.linalg.eigvals(Phi)).max(), rel=1e-3)
+    assert found.radius[-1] > 2
