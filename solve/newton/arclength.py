@@ -18,7 +18,7 @@ from solve.newton.branch_store import BranchStep, SavedBranch
 from solve.newton.grazing import grazes, grazes_between, points_beyond
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
-from solve.newton.special_points import special_points
+from solve.newton.special_points import Path, is_located, special_points, zero_between
 from solve.period.grid import Grid
 from solve.results.branch import FOLD, GRAZING
 from solve.results.orbit import Orbit
@@ -32,6 +32,10 @@ scaled coordinates and fractions of the range of the parameter. Chosen by judgem
 _FEW, _MANY = 2, 5
 """After a step with at most `_FEW` corrections, the next step is longer; after a step with at least `_MANY`
 corrections, it is shorter. Chosen by judgement."""
+
+_MIN_PATH = 1e-6
+"""Shortest distance from the start of a path beyond a grazing orbit, relative to the length of the path, at
+which a point within the range is sought. Chosen by judgement."""
 
 _ROUNDOFF = 4 * EPS
 """Relative round-off error of the parameter, which is added to its error."""
@@ -147,20 +151,21 @@ class _BranchFollower:
     def _next(self, points: Sequence[Point], length: float) -> BranchStep:
         """Return the next step of the branch whose points so far are `points`."""
         try:
-            step, following = self._step(points, length)
+            return self._within_range(points, *self._step(points, length))
         except NoOrbitError as reason:
             try:
-                step, following = self._beyond_grazing(points)
+                return self._within_range(points, *self._beyond_grazing(points))
             except SolveError:
                 with suppress(NoOrbitError):
                     return self._within_range(points, *self._step(points, length, True))
                 words = ", which grazes a switch" if grazes(self.manifold, points[-1]) else ""
                 return self._stored((), length, f"{reason}{words}")
-        return self._within_range(points, step, following)
 
-    def _within_range(self, points: Sequence[Point], step: Sequence[Point], length: float) -> BranchStep:
+    def _within_range(
+        self, points: Sequence[Point], step: Sequence[Point], length: float, path: Path | None = None
+    ) -> BranchStep:
         """Return the points of a step up to the point at which the branch is closed or leaves the range.
-        length: length of the following step."""
+        length: length of the following step. path: path of the step; by default along its tangents."""
         before, found = points[-1], list[Point]()
         try:
             start = self._closing_point(points[0], before, step[-1])
@@ -169,19 +174,20 @@ class _BranchFollower:
                     return self._stored((*found, start), length, "")
                 if not self.ends[0] <= other.value <= self.ends[1]:
                     edge = self.ends[int(other.value > self.ends[1])]
-                    return self._stored((*found, self.between(one, other, edge)), length, "")
+                    at_edge = self.between(one, other, edge) if path is None else self._on(path, edge)
+                    return self._stored((*found, at_edge), length, "")
                 found.append(other)
         except NoOrbitError as reason:
             return self._stored(found, length, str(reason))
         return self._stored(found, length)
 
-    def _beyond_grazing(self, points: Sequence[Point]) -> tuple[list[Point], float]:
-        """Step past a grazing orbit near the last point of the branch. Return the first points beyond it, and
-        the length of the next step. The returned points begin with a copy of the last point, labelled as a
-        grazing point, unless there is a special point near the grazing orbit. Raises SolveError if no point
-        beyond it is found."""
+    def _beyond_grazing(self, points: Sequence[Point]) -> tuple[list[Point], float, Path]:
+        """Step past a grazing orbit near the last point of the branch. Return the first points beyond it, the
+        length of the next step, and the path of the step. The returned points begin with a copy of the last
+        point, labelled as a grazing point, unless there is a special point near the grazing orbit. Raises
+        SolveError if no point beyond it is found."""
         before = points[-1]
-        beyond = points_beyond(self.manifold, before)
+        beyond, path = points_beyond(self.manifold, before)
         length = self.manifold.distance(beyond[-1].unknowns, before.unknowns, before.sizes)
         near = [
             point
@@ -189,8 +195,8 @@ class _BranchFollower:
             if self.manifold.distance(point.unknowns, before.unknowns, before.sizes) <= length
         ]
         if any(point.kind for point in (*near, *beyond)):
-            return beyond, length
-        return [replace(before, kind=GRAZING), *beyond], length
+            return beyond, length, path
+        return [replace(before, kind=GRAZING), *beyond], length, path
 
     def _closing_point(self, start: Point, before: Point, after: Point) -> Point | None:
         """Return the first point of the branch if the step from `before` to `after` returns to it, so that
@@ -263,8 +269,10 @@ class _BranchFollower:
                 near = self._is_near_grazing if not may_cross else partial(grazes_between, self.manifold)
                 if turns and (length > _CROSSING or near(before, after)):
                     raise NoOrbitError("the step may have left the branch")
-                special, is_located = special_points(self.manifold, before, after)
-                if not is_located and (length > _CROSSING or self._is_near_grazing(before, after)):
+                special, are_located = special_points(
+                    self.manifold, before, after, branches_cross=turns and not may_cross
+                )
+                if not are_located and (length > _CROSSING or self._is_near_grazing(before, after)):
                     raise NoOrbitError("a special point within the step cannot be located")
                 growth = self._growth(corrections, length == first)
                 return [*special, after], min(growth * length, _MAX_STEP)
@@ -311,6 +319,31 @@ class _BranchFollower:
                 before = near
             else:
                 after = near
+        return self._at(near, value)
+
+    def _on(self, path: Path, value: float) -> Point:
+        """Return the last point on a path beyond a grazing orbit at which the parameter has the value
+        `value`."""
+        at, end = path
+
+        def apart(length: float) -> tuple[float, Point]:
+            point = at(length)
+            return point.value - value, point
+
+        outside, last = apart(end)
+        start, inside = end, outside
+        while inside * outside >= 0:
+            start /= 2
+            inside, _ = apart(start)
+            if start < _MIN_PATH * end:
+                raise NoOrbitError("the branch curves too much within the step")
+        ends = (start, end), (inside, outside)
+        _, near = zero_between(apart, *ends, lambda *two: is_located(self.manifold, *two), last)
+        return self._at(near, value)
+
+    def _at(self, near: Point, value: float) -> Point:
+        """Return the point of the branch next to the point `near` at which the parameter has the value
+        `value`."""
         along = near.unknowns.plus((value - near.unknowns.value) / near.direction.value, near.direction)
         near = replace(near, unknowns=replace(along, values=np.array([value, *along.values[1:]])))
         ways = [self._parameter_direction(near.grid), *near.tangents[1:]]

@@ -7,6 +7,7 @@ import numpy as np
 
 from solve.arguments import checked_rtol, require_integer
 from solve.arrays import Array
+from solve.certify.coefficients import compared_phases
 from solve.equations import require_bounds, warnings_of
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
@@ -35,9 +36,8 @@ are accurate enough as a start of Newton's iteration. It is odd, so that the hig
 cosine and a sine."""
 
 
-_PHASES, _ROUNDOFF = 32, 1e-12
-"""Number of phases at which coefficients are compared, and the relative difference up to which they count as
-equal. Chosen by judgement."""
+_ROUNDOFF = 1e-12
+"""Relative difference of coefficients up to which they count as equal. Chosen by judgement."""
 
 _SIZES = 3.0 ** np.arange(2, -13, -1)
 """Sizes of the motions along which coefficients are compared, in the units of the coordinates. Chosen by
@@ -63,7 +63,7 @@ def branch(
     """Continue nonlinear orbits in the speed or another parameter, also through folds and along isolated
     branches.
 
-    Folds, period doublings and tori (Neimark–Sacker points) are located to `rtol`.
+    Folds, period doublings, tori (Neimark–Sacker points) and branching points are located to `rtol`.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def _is_linear(task: Task) -> bool:
     system, speed = task.system, task.speed
     if warnings_of(system, speed) != warnings_of(system, speed, linear=False):
         return False
-    rest, phase = task.rest(Grid.uniform(1, task.period)), np.linspace(0.0, task.period, _PHASES + 1)[:-1]
+    rest, phase = task.rest(Grid.uniform(1, system.period)), compared_phases(system.period, system.breaks)
     at_rest = in_phase(task.along(rest), phase, speed)[:3]
     for size in np.outer([1.0, -1.0], _SIZES).ravel():
         motion = Curve(rest.nodes, np.full((system.n, 1, 3), size))

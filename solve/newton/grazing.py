@@ -16,7 +16,7 @@ from solve.equations import event_normals, events_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import DAMPING, Point, Unknowns
 from solve.newton.manifold import Manifold
-from solve.newton.special_points import special_points
+from solve.newton.special_points import Path, special_points
 from solve.period.curve import Curve
 
 _LENGTHS = 0.01, 0.003, 0.001, 3e-4, 1e-4, 3e-5, 1e-5
@@ -40,9 +40,9 @@ beyond this distance, the orbit may belong to another branch. For hard stops, th
 length of the step, because the parameter changes much."""
 
 
-def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
+def points_beyond(manifold: Manifold, before: Point) -> tuple[list[Point], Path]:
     """Return the first point beyond the grazing orbit near `before`, preceded by the special points on the
-    way to it.
+    way to it, and the path to it.
 
     Raises NoOrbitError if the equations have no switches, or if no such orbit is found."""
     directions = [_towards_switch(manifold, before), *before.tangents[1:]]
@@ -62,7 +62,7 @@ def points_beyond(manifold: Manifold, before: Point) -> list[Point]:
         apart = manifold.distance(after.unknowns, before.unknowns, before.sizes)
         if apart <= _NEAR and _differ(back, _events(manifold, after.unknowns)):
             special, _ = special_points(manifold, before, after, (at, length))
-            return [*special, after]
+            return [*special, after], (at, length)
     raise NoOrbitError("no orbit with other events was found nearby")
 
 

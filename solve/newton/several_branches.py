@@ -9,7 +9,7 @@ from solve.newton.arclength import first_point, follow_branch, orbits_at
 from solve.newton.branch_points import SAMPLES, ContinuationParameters, Point
 from solve.newton.branch_store import BranchStore
 from solve.newton.switching import Followed
-from solve.results.branch import is_closed
+from solve.results.branch_jumps import is_closed
 from solve.results.orbit import Orbit
 
 _SAME = 1e-2

@@ -1,7 +1,7 @@
-"""Location of folds, period doublings and Neimark–Sacker points between two points of a branch, as zeros of
-test functions (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
+"""Location of folds, period doublings, Neimark–Sacker points and branching points between two points of a
+branch, as zeros of test functions (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -9,10 +9,11 @@ import numpy as np
 
 from solve.arrays import EPS, Array
 from solve.errors import NoOrbitError, SolveError
+from solve.methods.collocation import lagrange
 from solve.newton.branch_points import Point
 from solve.newton.manifold import Manifold
 from solve.period.multipliers import UNIT_CIRCLE
-from solve.results.branch import DOUBLING, FOLD, TORUS
+from solve.results.branch import BRANCHING, DOUBLING, FOLD, TORUS
 
 _MAX_REFINEMENTS = 30
 """Maximum number of interpolations in the search for a special point. Chosen by judgement; five to eight are
@@ -31,6 +32,19 @@ _REAL = 1e-12
 """Imaginary part, relative to the modulus, up to which a multiplier counts as real. Chosen by judgement:
 NumPy returns the real eigenvalues of real matrices without imaginary part."""
 
+_FRACTIONS = 0.08, 0.25, 0.42, 0.58, 0.75, 0.92
+"""Positions, as fractions of the path, of the points between which a branching point is interpolated, in
+addition to the ends of the path. Chosen by judgement: on a path of 0.01, the interpolation error is of the
+order of 0.01 to the power of the number of points."""
+
+_MIN_POINTS = 6
+"""Minimum number of points between which a branching point is interpolated. Chosen by judgement."""
+
+_DEGREE_FRACTION = 0.1
+"""Largest permitted difference, as a fraction of rtol, between the parameters at zeros of polynomials of two
+degrees. Chosen by judgement: the difference is the error of the polynomial of lower degree, which is far
+larger than that of the other one."""
+
 Test = Callable[[Point], float]
 
 Path = tuple[Callable[[float], Point], float]
@@ -38,26 +52,37 @@ Path = tuple[Callable[[float], Point], float]
 
 
 def special_points(
-    manifold: Manifold, before: Point, after: Point, path: Path | None = None
+    manifold: Manifold,
+    before: Point,
+    after: Point,
+    path: Path | None = None,
+    branches_cross: bool = False,
 ) -> tuple[list[Point], bool]:
     """Return the special points between two neighbouring points of a branch, in their order along the branch.
     Also return whether all of them are located; those that cannot be located are omitted. path: path from
-    `before` to `after`; by default along the tangent at `before`."""
-    found, tests = [], _tests(before, after)
+    `before` to `after`; by default along the tangent at `before`. branches_cross: whether the change of the
+    orientation between the points is due to a branching point."""
+    found, tests = [], _tests(before, after, branches_cross)
     for kind, test in tests.items():
         with suppress(SolveError):
             path = path or _along_tangent(manifold, before, after)
-            length, point = _located(manifold, before, after, test, path)
+            locate = _interpolated if kind == BRANCHING else _located
+            length, point = locate(manifold, before, after, test, path)
             found.append((length, replace(point, kind=kind)))
     return [point for _, point in sorted(found, key=lambda pair: pair[0])], len(found) == len(tests)
 
 
-def _tests(before: Point, after: Point) -> dict[str, Test]:
+def _tests(before: Point, after: Point, branches_cross: bool) -> dict[str, Test]:
     """Return the test functions that have a zero between two points. The keys are the kinds of the special
-    points."""
+    points.
+
+    A branch that turns back at a branching point, such as that of the orbits without symmetry, has no fold
+    there."""
     tests: dict[str, Test] = {}
     if before.direction.value * after.direction.value < 0:
-        tests[FOLD] = lambda point: point.direction.value
+        tests[BRANCHING if branches_cross else FOLD] = lambda point: point.direction.value
+    elif branches_cross:
+        tests[BRANCHING] = _branching_test
     first, second = before.orbit.multipliers, after.orbit.multipliers
     beyond = [_count(second, test) - _count(first, test) for test in (_below_minus_one, _above_one)]
     if beyond[0] % 2:
@@ -96,6 +121,12 @@ def doubling_test(point: Point) -> float:
     return float(np.prod((1 + rho) / (1 + np.abs(rho))).real)
 
 
+def _branching_test(point: Point) -> float:
+    """Test function det(I - Φ), which changes sign where a multiplier passes through +1. It is smooth where
+    real multipliers become complex."""
+    return float(np.prod(1 - point.orbit.multipliers).real)
+
+
 def _torus_test(point: Point) -> float:
     """Test function |ρ| - 1 of the complex pair of multipliers that is nearest to the unit circle."""
     rho = point.orbit.multipliers
@@ -128,10 +159,75 @@ def _located(manifold: Manifold, before: Point, after: Point, test: Test, path: 
     return zero_between(tested, *ends, lambda one, other: is_located(manifold, one, other), before)
 
 
-def is_located(manifold: Manifold, one: Point, other: Point) -> bool:
+def _interpolated(
+    manifold: Manifold, before: Point, after: Point, test: Test, path: Path
+) -> tuple[float, Point]:
+    """Return the length along a path at which a test function is zero, and the point there, by interpolation
+    between points of the path. At a branching point, Newton's iteration is singular: the round-off of nearby
+    points is inversely proportional to their distance from it. Raises SolveError subclasses."""
+    at, length = path
+    lengths, points = [0.0, length], [before, after]
+    for fraction in _FRACTIONS:
+        with suppress(SolveError):
+            points.append(at(fraction * length))
+            lengths.append(fraction * length)
+    if len(points) < _MIN_POINTS:
+        raise NoOrbitError("the point is not located")
+    values = [test(point) for point in points]
+    fewer, zero = (_zero(lengths[k:], values[k:], length) for k in (2, 0))
+    found, other = _between(points, lengths, zero), _between(points[2:], lengths[2:], fewer)
+    if not is_located(manifold, other, found, _DEGREE_FRACTION):
+        raise NoOrbitError("the point is not located")
+    return zero, found
+
+
+def _zero(lengths: Sequence[float], values: Sequence[float], end: float) -> float:
+    """Return the zero, between 0 and `end`, of the polynomial with the given values at lengths. Raises
+    NoOrbitError unless there is exactly one."""
+    roots = np.roots(np.polyfit(np.array(lengths) / end, values, len(lengths) - 1))
+    real = roots[np.isreal(roots)].real
+    (inside,) = np.nonzero((real >= 0) & (real <= 1))
+    if len(inside) != 1:
+        raise NoOrbitError("the point is not located")
+    return end * float(real[inside[0]])
+
+
+def _between(points: Sequence[Point], lengths: Sequence[float], length: float) -> Point:
+    """Return the point at a length along a path by polynomial interpolation between points at `lengths`.
+    Error estimates are the largest ones of the points. Multipliers are interpolated between points at which
+    as many of them are real as at the nearest point; the one nearest to +1 is then set to +1, and its change
+    is included in the error of the spectral radius."""
+
+    def mean(values: Sequence[Array], chosen: Sequence[int]) -> Array:
+        at = np.array(lengths)[list(chosen)]
+        return np.tensordot(lagrange(at, np.array([length]))[0], [values[k] for k in chosen], 1)
+
+    nearest = points[int(np.abs(np.array(lengths) - length).argmin())]
+    unknowns = nearest.unknowns.times(0.0)
+    for point, weight in zip(points, lagrange(np.array(lengths), np.array([length]))[0], strict=True):
+        unknowns = point.unknowns.beside(unknowns).times(float(weight)).plus(1.0, unknowns)
+    orbits, every = [point.orbit for point in points], range(len(points))
+    real = [int(np.isreal(orbit.multipliers).sum()) for orbit in orbits]
+    alike = [k for k in every if real[k] == int(np.isreal(nearest.orbit.multipliers).sum())]
+    multipliers = mean([orbit.multipliers for orbit in orbits], alike)
+    critical = int(np.abs(multipliers - 1).argmin())
+    changed, multipliers[critical] = abs(multipliers[critical] - 1), 1.0
+    orbit = replace(
+        nearest.orbit,
+        values=mean([orbit.values for orbit in orbits], every),
+        figures=mean([orbit.figures for orbit in orbits], every),
+        multipliers=multipliers,
+        radius=float(np.abs(multipliers).max()),
+        figure_errors=np.max([orbit.figure_errors for orbit in orbits], axis=0),
+        errors=np.max([[0.0, changed], *(orbit.errors for orbit in orbits)], axis=0),
+    )
+    return replace(nearest, unknowns=unknowns, orbit=orbit)
+
+
+def is_located(manifold: Manifold, one: Point, other: Point, fraction: float = _RTOL_FRACTION) -> bool:
     """Whether two successive interpolations agree, in every parameter, within a fraction of rtol."""
     spans = manifold.parameters.spans
-    limit = max(_RTOL_FRACTION * manifold.parameters.task.rtol, _ROUNDOFF)
+    limit = max(fraction * manifold.parameters.task.rtol, _ROUNDOFF)
     moved = np.abs(other.orbit.values - one.orbit.values)
     return bool((moved <= limit * np.maximum(np.abs(other.orbit.values), spans)).all())
 

@@ -13,6 +13,8 @@ from functools import partial
 import numpy as np
 
 from solve.arrays import EPS, Array
+from solve.certify.coefficients import compared_phases
+from solve.contracts import Motion
 from solve.equations import nonlinear_of, roundoff_of
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.newton.arclength import follow_branch
@@ -23,7 +25,7 @@ from solve.newton.manifold import Manifold
 from solve.newton.switching import Followed
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, in_phase
 
 _STEPS = 64
 """Number of steps per period of the first orbit. Chosen by judgement: the grid is refined later."""
@@ -36,12 +38,19 @@ _DETUNED, _FAR = 1e-3, 0.05
 """Smallest and largest difference between the frequency of the first orbit and that of small vibrations,
 relative to the length of the range. Chosen by judgement."""
 
+_NARROWEST = 1e-4
+"""Relative distance between an amplitude at which an orbit is found and one at which none is found, below
+which the search for the first orbit ends. Chosen by judgement."""
+
 _IS_ZERO = 1e-9
 """Size of damping terms, and of variations of the coefficients, that counts as zero, relative to the
 stiffness. Chosen by judgement: above round-off, and too small to affect the modes."""
 
-_PHASES = 64
-"""Number of phases at which the equations at rest are evaluated. Chosen by judgement."""
+_SHIFT = 5**0.5 - 2
+"""Shift of a reversed motion, as a fraction of the period. It is irrational, because coefficients that are
+symmetric about a phase do not change by a reversal about this phase."""
+
+_VARYING = "damping, or terms that vary with the phase"
 
 _PANELS = 512
 """Number of panels in the quadrature of the elastic force along a straight line. Chosen by judgement: if the
@@ -65,7 +74,9 @@ def follow_modes_of(task: Task, ends: Array, most: int, store: BranchStore) -> l
         ranges = np.array([[low, high], [0.0, 1.0]])
         parameters = ContinuationParameters(task, ("speed", DAMPING), ranges)
         start = partial(_first, parameters, float(frequencies[mode]), shapes[:, mode])
-        points, ended = follow_branch(parameters, start, most, saved=store.next())
+        points, ended = follow_branch(parameters, start, most, partial(_is_forced, task), store.next())
+        if not ended and low < points[-1].value < high and points[-1].value != points[0].value:
+            ended = f"beyond the last orbit, the equations contain {_VARYING}"
         followed.append((parameters, [_without_trivial(point) for point in points], ended))
     return followed
 
@@ -103,7 +114,7 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
     Raises ValueOutOfBoundsError for equations with load, damping or varying coefficients."""
     system = task.system
     along = nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period)))
-    phase = np.arange(_PHASES) * (system.period / _PHASES)
+    phase = compared_phases(system.period, system.breaks)
     M, C, K, d = along.at(phase, task.speed)
     limit = _IS_ZERO * np.abs(K).max() + np.zeros(1)
     loads = EPS * roundoff_of(along, phase, task.speed)
@@ -115,37 +126,85 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
     ]
     for present, words in found:
         if present.any():
-            raise ValueOutOfBoundsError(
-                f"the equations of {system.labels.name} at rest contain {words}; unforced orbits require "
-                "constant equations without load and damping: set the parameters of these terms to zero, "
-                "such as --set c=0"
-            )
+            raise _forced_error(task, "at rest", words)
     from scipy.linalg import eigh
 
     squares, shapes = eigh((K[0] + K[0].T) / 2, M[0])
     return np.sqrt(np.maximum(squares, 0.0)), shapes / np.abs(shapes).max(axis=0)
 
 
+def _forced_error(task: Task, where: str, words: str) -> ValueOutOfBoundsError:
+    return ValueOutOfBoundsError(
+        f"the equations of {task.system.labels.name} {where} contain {words}; unforced orbits require "
+        "constant equations without load and damping: set the parameters of these terms to zero, such as "
+        "--set c=0"
+    )
+
+
+def _is_forced(task: Task, point: Point) -> bool:
+    """Whether the equations contain loads, damping or coefficients that act along the orbit of a point but
+    not at rest. The residual of equations without such terms does not change if the motion is reversed and
+    shifted in phase."""
+    period, curve = task.period, point.unknowns.curve
+    phase = compared_phases(period, task.breaks)
+    one, size = _residual(task, curve, phase, point.value)
+    other, _ = _residual(task, _Reversed(curve), _SHIFT * period - phase, point.value)
+    return bool((np.abs(one - other) > _IS_ZERO * size).any())
+
+
+def _residual(task: Task, motion: Motion, phase: Array, speed: float) -> tuple[Array, float]:
+    """Return the residual (k, n) of the equations along a motion, and the size of its terms."""
+    M, C, K, d = in_phase(nonlinear_of(task.system).along(motion), phase, speed)
+    states = (motion(phase, derivative).T[..., None] for derivative in (2, 1, 0))
+    terms = [(matrix @ state)[..., 0] for matrix, state in zip((M, C, K), states, strict=True)]
+    return sum(terms) - d, max(float(np.abs(term).max()) for term in terms)
+
+
+class _Reversed:
+    """The motion `curve`, reversed in time about the phase `_SHIFT`/2 of the period."""
+
+    def __init__(self, curve: Curve):
+        self._curve, self.nodes = curve, curve.nodes
+
+    def __call__(self, phase: Array, derivative: int = 0) -> Array:
+        return (-1) ** derivative * self._curve(_SHIFT * self.nodes[-1] - phase, derivative)
+
+
 def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -> Point:
-    """Return the first orbit of a mode. Its amplitude is the smallest trial amplitude at which its frequency
-    clearly differs from that of small vibrations."""
+    """Return the first orbit of a mode. Raises ValueOutOfBoundsError if the equations contain loads, damping
+    or varying coefficients along this orbit."""
+    point = _detuned(parameters, frequency, shape)
+    if _is_forced(parameters.task, point):
+        raise _forced_error(parameters.task, "along vibrations", _VARYING)
+    return point
+
+
+def _detuned(parameters: ContinuationParameters, frequency: float, shape: Array) -> Point:
+    """Return the orbit of a mode at the smallest trial amplitude at which its frequency clearly differs from
+    that of small vibrations. If no orbit is found beyond some amplitude, as beyond the clearance of a hard
+    stop, return the orbit at this amplitude."""
     grid, manifold = parameters.task.grid(_STEPS), Manifold(parameters)
     growing, shifting = (_harmonic(parameters.task, grid, shape, way) for way in (np.cos, np.sin))
     ways, span, below, amplitude = [growing, shifting], parameters.spans[0], 0.0, _LEAST
-    largest = _MOST
+    largest, last = _MOST, None
     while amplitude < largest:
         unknowns = Unknowns(growing.times(amplitude).curve, np.array([frequency, 0.0]))
         try:
             point = manifold.held(unknowns, ways, grid)
         except SolveError:
-            break
+            if last is None:
+                break
+            if amplitude < (1 + _NARROWEST) * below:
+                return last
+            largest, amplitude = amplitude, (below + amplitude) / 2
+            continue
         detuned = abs(point.value - frequency) / span
         if _DETUNED < detuned < _FAR or (detuned > _FAR and amplitude < (1 + _DETUNED) * below):
             return point
         if detuned > _FAR:
             largest, amplitude = amplitude, (below + amplitude) / 2
         else:
-            below, amplitude = amplitude, min(_GROWTH * amplitude, (amplitude + largest) / 2)
+            last, below, amplitude = point, amplitude, min(_GROWTH * amplitude, (amplitude + largest) / 2)
     raise NoOrbitError(
         f"no nonlinear mode was found near {parameters.task.speed_text(frequency)}: its frequency does not "
         f"change up to an amplitude of {amplitude:.1e}, in units of the coordinates"

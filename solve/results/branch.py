@@ -15,6 +15,7 @@ from solve.period.curve import FourierCurve
 from solve.period.multipliers import radius_verdicts
 from solve.period.signals import FIGURES
 from solve.results.branch_jumps import (
+    BRANCHING,
     DOUBLING,
     FOLD,
     GRAZING,
@@ -24,6 +25,7 @@ from solve.results.branch_jumps import (
     TORUS,
     UNDETERMINED,
     UNSTABLE,
+    is_closed,
     jumps_of,
     relative_change,
 )
@@ -129,15 +131,13 @@ class BranchPoints(ResultOver):
 
 @dataclass(frozen=True)
 class Branch(BranchPoints):
-    """Branch of P nonlinear orbits, from `solve.branch`.
-
-    It has the attributes of `BranchPoints`.
+    """Branch of P nonlinear orbits, from `solve.branch`, with the attributes of `BranchPoints`.
 
     Attributes
     ----------
     turning : array
         Values of the varied quantity at turning points.
-    folds, doublings, tori, grazing : list of dict
+    folds, doublings, tori, grazing, branchings : list of dict
         Special points of each kind: see the properties of these names.
     closed : list of int
         Numbers of the closed branches.
@@ -146,7 +146,7 @@ class Branch(BranchPoints):
     """
 
     _rows: ClassVar[str] = "points"
-    _recorded: ClassVar[str] = "turning folds doublings tori grazing closed jumps rtol periods"
+    _recorded: ClassVar[str] = "turning folds doublings tori grazing branchings closed jumps rtol periods"
 
     @matches_annotations
     def curve(self, point: int) -> FourierCurve:
@@ -196,6 +196,12 @@ class Branch(BranchPoints):
         """Orbits that graze a switch of the equations, beyond which the multipliers change abruptly."""
         points = self._special(GRAZING)
         return [{key: value for key, value in point.items() if key != "multiplier"} for point in points]
+
+    @property
+    def branchings(self) -> list[dict[str, Any]]:
+        """Branching points, at which a multiplier is +1 and another branch of orbits with the same period
+        crosses this one, as where symmetric orbits lose their symmetry."""
+        return self._special(BRANCHING)
 
     def _special(self, kind: str) -> list[dict[str, Any]]:
         """Special points of one kind. Each has the value of the varied quantity, the spectral radius, the
@@ -343,6 +349,7 @@ class Branch(BranchPoints):
         unit = unit_of(self.system, self.over)
         sentences = [self._range_text(number) for number in range(self._count)]
         special = (self.doublings, "The period doubles"), (self.tori, "Orbits become tori")
+        special += ((self.branchings, "Another branch crosses this one"),)
         for points, words in (*special, (self.grazing, "Orbits graze a switch of the equations")):
             if points:
                 sentences.append(f"{words} at {self._values_text(points)}.")
@@ -381,19 +388,12 @@ class Branch(BranchPoints):
         return f"A slow sweep {jump['direction']} jumps at {at}: max|{greek(name)}| from {before} {where}."
 
 
-def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array) -> bool:
-    """Return whether the last orbit of a branch equals the first one, in the value of the varied quantity and
-    in the statistics. Statistics alone do not suffice, because the orbit may be zero for every value of the
-    quantity."""
-    return len(figures) > 2 and values[0] == values[-1] and np.array_equal(figures[0], figures[-1])
-
-
 def _distance(kind: str, multipliers: Array) -> Array:
     """Return the differences between the multipliers and the value that defines a kind of special point: 1 at
-    folds, -1 at period doublings. At tori, it is the modulus that must be 1."""
+    folds and branching points, -1 at period doublings. At tori, it is the modulus that must be 1."""
     if kind == TORUS:
         return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
-    return multipliers - (1 if kind == FOLD else -1)
+    return multipliers - (-1 if kind == DOUBLING else 1)
 
 
 def _shown(kind: str) -> str:

@@ -8,11 +8,11 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import VERDICTS
 
-KINDS = "regular", "fold", "doubling", "torus", "grazing"
-REGULAR, FOLD, DOUBLING, TORUS, GRAZING = KINDS
+KINDS = "regular", "fold", "doubling", "torus", "grazing", "branching"
+REGULAR, FOLD, DOUBLING, TORUS, GRAZING, BRANCHING = KINDS
 """Kinds of points on a branch. Folds are smooth turning points; at tori (Neimark–Sacker points), a pair of
 complex multipliers crosses the unit circle. At a grazing point, the branch has a corner, where it may turn
-back."""
+back. At a branching point, another branch of orbits with the same period crosses this one."""
 
 STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 
@@ -52,6 +52,13 @@ def relative_change(before: Array, after: Array) -> Array:
     """Relative changes (n,) of peaks (n,)."""
     largest = np.maximum(before, after)
     return np.abs(after - before) / np.where(largest > 0, largest, 1.0)
+
+
+def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array) -> bool:
+    """Return whether the last orbit of a branch equals the first one, in the value of the varied quantity and
+    in the statistics. Statistics alone do not suffice, because the orbit may be zero for every value of the
+    quantity."""
+    return len(figures) > 2 and values[0] == values[-1] and np.array_equal(figures[0], figures[-1])
 
 
 def _beside(values: Array, at: int, way: int) -> float:

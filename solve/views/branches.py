@@ -8,6 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.labels import unit_of
 from solve.results.branch import (
+    BRANCHING,
     DOUBLING,
     FOLD,
     GRAZING,
@@ -43,6 +44,7 @@ _MARKS = {
     DOUBLING: ("^", "period doubles"),
     TORUS: ("s", "torus"),
     GRAZING: ("x", "grazes"),
+    BRANCHING: ("D", "branches cross"),
 }
 """Markers and labels of special points."""
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import fsolve
 
 import solve
-from derive import Mechanism, cos, exp, rate
+from derive import Mechanism, cos, exp, rate, sin
 from solve.errors import LinearModelError, UnitError, ValueOutOfBoundsError
 from tests.solve.newton.mechanisms import cubic_rotor, duffing, model_of
 
@@ -221,3 +221,21 @@ def test_models_with_a_local_force_are_not_refused_as_linear(place):
     assert len(found.values) == 2
     with pytest.raises(ValueOutOfBoundsError, match=r"^detent is linear in its coordinates"):
         solve.branch(solve.load(detent, A=0.0, **numbers), (2.0, 2.01), switch=True)
+
+
+def pulsed():
+    """Mass on a spring, with a force -p sin q that acts over half a degree of the period only."""
+    made = Mechanism("pulsed", "Mass on a spring with a short nonlinear force", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    c, k, p = made.parameters(c=("1/s", "damping"), k=("1/s^2", "stiffness"), p=("1/s^2", "force"))
+    made.kinetic, made.dissipation = rate(q) ** 2 / 2, c * rate(q) ** 2 / 2
+    made.potential = k * q**2 / 2 + p * exp(-1e5 * sin((made.phase - 3.0) / 2) ** 2) * cos(q)
+    made.force(k * cos(made.phase), along=q)
+    made.decline_drive_torque("an equation without units")
+    return made
+
+
+def test_model_with_a_short_nonlinear_force_is_not_refused_as_linear():
+    model = solve.load(pulsed, c=0.1, k=1.0, p=0.5)
+    found = solve.branch(model, (2.0, 2.01), switch=True, points=2, rtol=1e-4)
+    assert len(found.values) == 2

@@ -31,7 +31,7 @@ def grazing():
 
 def test_orbit_beyond_a_grazing_orbit_equals_integration(grazing):
     parameters, before = grazing
-    *_, after = points_beyond(Manifold(parameters), before)
+    (*_, after), _ = points_beyond(Manifold(parameters), before)
     gap = after.value
     assert gap < 1.00001 * REACH
     curve = after.unknowns.curve
@@ -64,7 +64,7 @@ def test_branch_continues_on_the_unstable_orbit_after_grazing(speed, kappa, way)
     model = model_of(stop(), **numbers | {"gap": gap})
     parameters, _ = continuation(model, speed, f"gap={gap!r}:{0.9 * reach!r}", 1, 1e-7, "auto")
     before = first_point(parameters, solve.nonlinear(model, speed), gap)
-    *_, after = points_beyond(Manifold(parameters), before)
+    (*_, after), _ = points_beyond(Manifold(parameters), before)
     assert way * (after.value - gap) > 0
     assert way * after.direction.value > 0
     curve = after.unknowns.curve
@@ -323,3 +323,24 @@ def test_branch_lists_every_fold_and_grazing_orbit(zeta, kappa, gap, speeds):
     for exact in np.sqrt(np.roots([1, 4 * zeta**2 - 2, 1 - gap**-2])):
         if branch.values[0] < exact < branch.values[-1]:
             assert np.abs(listed / exact - 1).min() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("made", "zeta", "kappa", "speed"), [(stop, 0.054, 1120.0, 1.215), (two_stops, 0.0673, 794.0, 1.887)]
+)
+def test_branch_may_turn_back_and_leave_range_in_step_beyond_grazing(made, zeta, kappa, speed):
+    """The range begins 1e-6 before the grazing orbit."""
+    reach = 1 / abs(1 - speed**2 + 2j * zeta * speed)
+    numbers = {"zeta": zeta, "k": 1.0, "kappa": kappa, "gap": reach, "f": 1 - 1e-6}
+    model = model_of(made(), **numbers)
+    found = solve.branch(model, speed, over=f"f={numbers['f']!r}:1.1", rtol=1e-5)
+    assert found.ended == ""
+    assert found.values[-1] == found.values[0] == numbers["f"]
+    orbit = solve.nonlinear(model, speed, start=found.curve(len(found.values) - 1))
+    x = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
+    for _ in range(2):
+        after, Phi, events = integrated(x, numbers, speed, *((abs,) if made is two_stops else ()))
+        x = x + np.linalg.solve(np.eye(2) - Phi, after - x)
+    assert len(events) in (2, 4)
+    assert found.radius[-1] == pytest.approx(np.abs(np.linalg.eigvals(Phi)).max(), rel=1e-3)
+    assert found.radius[-1] > 2
