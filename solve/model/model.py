@@ -301,6 +301,10 @@ of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration
 """Decorator for public functions of a model that can vibrate."""
 
 
+_SHARED = "setup", "module", "coordinates", "inputs", "outputs", "fits", "_outputs", "_symbols"
+"""Attributes that a model and its linearisations have in common."""
+
+
 class LinearisedModel(Model):
     """Model linearised about a motion, as returned by `PeriodicSystem.along`.
 
@@ -312,8 +316,10 @@ class LinearisedModel(Model):
         return self.model.derivatives.about_motion(round(self.period / self.model.period))
 
     def __init__(self, model: Model, motion: Motion, compiled: Columns | None = None):
-        labels = model.labels_along
-        super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n], labels)
+        # Each correction of Newton's iteration creates an instance, for which the checks of the model hold.
+        vars(self).update({name: vars(model)[name] for name in _SHARED})
+        self._matrices, self.labels = self._along, model.labels_along
+        self.slopes, self._labels_along = {}, {}
         self.model, self.motion, self._compiled, self.events = model, motion, compiled, Events()
         starts = np.arange(round(motion.nodes[-1] / model.period)) * model.period
         self.breaks = tuple((starts[:, None] + np.array(model.breaks)).ravel().tolist())

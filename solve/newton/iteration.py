@@ -92,6 +92,11 @@ class Task:
         return self.system.labels.speed_unit.text(speed, ".4g")
 
     @property
+    def last_correction(self) -> float:
+        """Upper limit of the norm of the last correction."""
+        return _RTOL_FRACTION * self.rtol
+
+    @property
     def period(self) -> float:
         """Period of the orbit, as an interval of the phase."""
         return self.periods * self.system.period
@@ -167,17 +172,17 @@ def iterate(
     task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS, last: float = 0.0
 ) -> Converged:
     """Apply Newton's iteration on a grid from the initial motion `start`. It ends when the norm of a
-    correction is at most the larger of `last` and `_RTOL_FRACTION` times the tolerance. It also ends when
+    correction is at most the larger of `last` and `task.last_correction`. It also ends when
     corrections within round-off no longer decrease.
 
     Raises NoOrbitError after `most` corrections, or if damping does not help. The message states the smallest
     correction."""
     with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
-        return _iterate(task, start, grid, most, max(last, _RTOL_FRACTION * task.rtol))
+        return _iterate(task, start, grid, most, max(last, task.last_correction))
 
 
 def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> Converged:
-    norm, curve = _CorrectionNorm(task, grid), on(grid, start)
+    curve, norm = _initial(task, start, grid), _CorrectionNorm(task, grid)
     corrected, near = correct(task, curve, grid, False), False
     size, damping, smallest, count = norm(curve, corrected), 1.0, math.inf, 0
     while count < most:
@@ -215,6 +220,15 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> C
         f"after {counted(count, 'correction')}, the smallest correction was {smallest:.1e} "
         "relative to the orbit"
     )
+
+
+def _initial(task: Task, start: Motion, grid: Grid) -> Curve:
+    """Return the curve of the motion from which the iteration starts. A curve with fewer steps than the grid
+    is not interpolated, which would be less accurate. A curve with more steps is interpolated, because its
+    contacts may be shorter than the steps of the grid, on which the next iterate would miss them."""
+    if isinstance(start, Curve) and len(start.h) <= grid.steps and start.nodes[-1] == task.period:
+        return start
+    return on(grid, start)
 
 
 class _CorrectionNorm:
@@ -255,10 +269,15 @@ class _CorrectionNorm:
         """Return the result of the iteration. Coordinates that are zero within round-off are set to zero."""
         size, reached = self._relative(*correction(curve, solutions)), curve_of(solutions)
         zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
-        if zero.any():
-            moving = np.where(zero[:, None, None], 0.0, reached.coefficients)[None]
-            solutions = replace(solutions, curve=Curve(reached.nodes, moving))
-        return Converged(solutions, count, size)
+        return Converged(with_zeros(solutions, zero) if zero.any() else solutions, count, size)
+
+
+def with_zeros(solutions: Solutions, zero: Array) -> Solutions:
+    """Return the solution of a single point with those coordinates set to zero for which `zero` (n,) is
+    true."""
+    curve = curve_of(solutions)
+    moving = np.where(zero[:, None, None], 0.0, curve.coefficients)[None]
+    return replace(solutions, curve=Curve(curve.nodes, moving))
 
 
 def interpolate(one: Curve, other: Curve, fraction: float) -> Curve:

@@ -15,7 +15,7 @@ from solve.errors import NoOrbitError, SolveError, StepsError
 from solve.methods.collocated import Collocated
 from solve.methods.collocation import Collocation
 from solve.methods.method import Method, Solutions, one_by_one
-from solve.newton.iteration import Task, correct, curve_of, iterate, without_zeros
+from solve.newton.iteration import Converged, Task, correct, iterate, with_zeros, without_zeros
 from solve.period.curve import Curve
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
@@ -30,10 +30,6 @@ _MAX_GROWTH = 3.0
 """Largest factor by which the predicted number of steps may exceed the number on the first grid. Chosen by
 judgement: a larger factor may mean that the first grid is too coarse for the order to hold, or that a
 coordinate is zero except for round-off."""
-
-_SHARED = 1e-12
-"""Largest norm of a correction that changes the multipliers by little more than round-off. Chosen by
-judgement: near a fold, the multipliers changed by 16 times the correction."""
 
 _COARSE = 256
 """Number of steps from which divergence of the iteration is final, so that no finer grid is tried. Chosen by
@@ -57,9 +53,26 @@ def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
     return PeriodicSystem(matrices, along.coordinates, along.period, along.breaks)
 
 
+def _size(curve: Curve, solutions: Solutions) -> float:
+    """Return the norm of the correction from a curve to a solution, relative to max|q| of each coordinate."""
+    change, largest = correction(curve, solutions)
+    return float((change / without_zeros(largest)).max())
+
+
+def _next(task: Task, curve: Curve, grid: Grid) -> Solutions:
+    """Return the next Newton iterate from a curve. Coordinates that are zero on the curve remain zero."""
+    solutions = correct(task, curve, grid, True)
+    zero = np.array(~curve.coefficients.any(axis=(1, 2)))
+    return with_zeros(solutions, zero) if zero.any() else solutions
+
+
 class Newton(Method):
     """Newton's iteration with the interface of a method for one point, so that `certified` can compare grids.
-    On each grid, the iteration starts from the curve on the finest grid so far, or from the curve of `lower`.
+    On each grid, the iteration is by the method with one more stage, and starts from the curve on the finest
+    grid so far. One more correction, by the method itself, is its solution.
+
+    The multipliers of the two solutions belong to different curves: those of the more accurate solution, to
+    the curve before its last correction. Their difference therefore includes the effect of this correction.
 
     Attributes
     ----------
@@ -71,9 +84,7 @@ class Newton(Method):
     predicts : bool
         Whether the number of steps of the first grid is predicted; otherwise, it is `first`.
     lower : Newton or None
-        Iteration by the method with one stage fewer, whose curves are the starts of this iteration.
-    better : Curve or None
-        Curve by the method with one more stage on the predicted grid, if this grid suffices.
+        Iteration whose more accurate solution, with one more stage, this method returns.
     """
 
     first_order = True
@@ -83,7 +94,8 @@ class Newton(Method):
     ):
         method = task.method
         self.task, self.start, self.first, self.finest = task, start, first, first
-        self.predicts, self.lower, self.better = predicts, lower, None
+        self.predicts, self.lower = predicts, lower
+        self._better: tuple[int, Converged] | None = None
         # The multipliers follow from the linearisation along the curve, and are not more accurate than the
         # curve.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
@@ -108,9 +120,11 @@ class Newton(Method):
         return self.task.method.error_constant
 
     def linearised(self, points: Points, solutions: Solutions) -> Points:
-        """Return the equations linearised along the solution of the single point."""
-        curve, speed = curve_of(solutions), self.task.speed
-        return SinglePoint(_without_roundoff(self.task.along(curve), curve), speed)
+        """Return the equations of the last solution of the single point, linearised along the more accurate
+        curve."""
+        assert self._better is not None
+        curve = self._better[1].curve
+        return SinglePoint(_without_roundoff(self.task.along(curve), curve), self.task.speed)
 
     @property
     def corrector(self) -> Collocated:
@@ -132,21 +146,25 @@ class Newton(Method):
         try:
             # With this limit, the next correction would be about rtol. It is included in the change below.
             curve = iterate(task, self.start, grid, last=math.sqrt(task.rtol)).curve
-            higher = task.with_method(task.method.with_another_stage)
-            better = correct(higher, curve, grid, True)
+            better = _next(self._higher(task), curve, grid)
         except SolveError:
             return self.first
-        change, largest = correction(curve, better)
-        error = SAFETY * float((change / without_zeros(largest)).max())
-        self.start, self.finest = curve, steps
-        if error <= task.rtol:
-            self.better = curve_of(better)
+        size = _size(curve, better)
+        self._keep(steps, Converged(better, 1, size))
+        growth = (SAFETY * size / (AIM * task.rtol)) ** (1 / self.curve_order)
+        if SAFETY * size <= task.rtol or growth > _MAX_GROWTH:
             return steps
-        growth = (error / (AIM * task.rtol)) ** (1 / self.curve_order)
-        if growth > _MAX_GROWTH:
-            return steps
-        self.start = curve_of(better)
-        return min(int(growth * steps), task.method.most_steps(len(largest)))
+        return min(int(growth * steps), self.most_steps(task.system.n))
+
+    def _keep(self, steps: int, better: Converged) -> None:
+        """Store the more accurate solution on a grid. Iterations on finer grids start from its curve."""
+        self._better = steps, better
+        if steps >= self.finest:
+            self.start, self.finest = better.curve, steps
+
+    @staticmethod
+    def _higher(task: Task) -> Task:
+        return task.with_method(task.method.with_another_stage)
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
         return self.task.method.bytes_a_step(n, orbit, engine)
@@ -155,38 +173,48 @@ class Newton(Method):
         return self.task.method.most_steps(n, first_order)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = "numpy") -> Solutions:
-        return one_by_one(points, lambda point: self._converged(point, grid))
+        return one_by_one(points, lambda point: self._solution(point, grid))
 
-    def _converged(self, point: Points, grid: Grid) -> Solutions:
-        task = self.task
+    def _solution(self, point: Points, grid: Grid) -> Solutions:
+        if self.lower is None:
+            return self._pair(point, grid)[0]
+        steps, better = self.lower._better or (0, None)
+        if better is None or steps != grid.steps:
+            _, better = self.lower._pair(point, grid)
+        return better.solutions
+
+    def _pair(self, point: Points, grid: Grid) -> tuple[Solutions, Converged]:
+        """Return the solution by the method, and the more accurate solution.
+
+        The error of the more accurate solution is about the square of its last correction, because
+        convergence is quadratic. A further correction is necessary only if the last one may be the reason why
+        the two solutions differ by more than the tolerance."""
+        task, (steps, better) = self.task, self._better or (0, None)
         if isinstance(point, ScaledEquations):
-            task = replace(task, factors=point.factors)
+            # The prediction does not scale the equations.
+            task, better = replace(task, factors=point.factors), None
+        higher, limit = self._higher(task), math.sqrt(task.last_correction)
         try:
-            found = iterate(task, self._start_on(grid), grid)
-            if self.lower is not None and found.last > _SHARED:
-                # Otherwise, the multipliers would be those along the curve before the last correction, which
-                # has kinks at the events of an earlier curve. Both solutions would share its error, so that
-                # their difference would not show it.
-                found = replace(found, solutions=correct(task, found.curve, grid, True))
+            if better is None or steps != grid.steps or better.last > limit:
+                better = iterate(higher, self.start, grid, last=limit)
+            solutions, defect = _next(task, better.curve, grid), min(better.last, task.last_correction)
+            if better.last > defect and self._apart(solutions, better) > task.rtol / SAFETY:
+                better = iterate(higher, better.curve, grid)
+                solutions, defect = _next(task, better.curve, grid), better.last
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
                 raise StepsError(str(reason)) from None
             raise
-        if grid.steps >= self.finest:
-            self.start, self.finest = found.curve, grid.steps
-        if self.lower is not None:
-            # The error estimate includes the defect only of the solution with fewer stages.
-            return found.solutions
-        along = task.along(found.curve)
-        scale = CoordinateScale(along, found.curve, task.speed, _FEW_STEPS)
-        defect = max(found.last, scale.load_roundoff(np.abs(found.curve.sampled(1)).max(axis=1)))
-        return replace(found.solutions, defect=np.array([defect]))
+        self._keep(grid.steps, better)
+        scale = CoordinateScale(task.along(better.curve), better.curve, task.speed, _FEW_STEPS)
+        roundoff = scale.load_roundoff(np.abs(better.curve.sampled(1)).max(axis=1))
+        return replace(solutions, defect=np.array([max(defect, roundoff)])), better
 
-    def _start_on(self, grid: Grid) -> Motion:
-        if self.lower is None:
-            return self.start
-        better = self.lower.better
-        return self.lower.start if better is None or len(better.h) != grid.steps else better
+    @staticmethod
+    def _apart(solutions: Solutions, better: Converged) -> float:
+        """Return the largest relative difference between two solutions, of orbits or of multipliers."""
+        multipliers = solutions.multipliers.difference(better.solutions.multipliers)
+        return max(_size(better.curve, solutions), float(multipliers[0]))
 
     def point(self) -> SinglePoint:
         """Return the system linearised along the curve from which the iteration starts."""

@@ -6,6 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import solve
+from solve.methods.free import solutions_on
+from solve.newton import iteration
 
 FOLDS = 436.20566083, 418.64249093, 428.83929264, 428.42998683
 """Speeds in rpm of the first folds from 400 rpm on, by shooting with the equations by hand and variational
@@ -122,3 +124,15 @@ def test_unstable_orbit_warns_that_the_motion_does_not_settle():
 def test_folds_of_the_branch_equal_shooting():
     found = solve.branch(solve.load("cam"), "400:460 rpm", points=110)
     assert found.turning[:4] * 30 / np.pi == pytest.approx(FOLDS, rel=1e-6)
+
+
+def test_final_grid_requires_one_correction_per_number_of_stages(monkeypatch):
+    used = []
+
+    def recorded(chosen, points, grid, *rest):
+        used.append((grid.steps, len(chosen.stages.c)))
+        return solutions_on(chosen, points, grid, *rest)
+
+    monkeypatch.setattr(iteration, "solutions_on", recorded)
+    orbit = solve.nonlinear(solve.load("cam", case="1"), "300 rpm", rtol=1e-6)
+    assert [stages for steps, stages in used if steps == orbit.steps] == [8, 7]
