@@ -148,8 +148,8 @@ def test_statistics_of_samples_at_unequal_distances_are_homogeneous_in_the_loads
     lie farther from the nearest sample than the mean distance of samples. With 20 steps and these numbers,
     the third grid has fewer steps."""
     model = pushed(k=12.0, second=0.7, **numbers)
-    of, by = ["q.max", "q.rms", "q.harmonic2"], ["f", "second"]
+    of, by = ["q.max", "q.rms", "q.harmonic1"], ["f", "second"]
     found = solve.sensitivities(model, 1.7, of=of, by=by, method=solve.Gauss(), steps=20).found
     for sensitivity in found.values():
         value = sensitivity.derivatives @ np.array([1.0, 0.7])
-        assert value == pytest.approx(sensitivity.value, rel=1e-12, abs=2 * sensitivity.errors.sum())
+        assert value == pytest.approx(sensitivity.value, rel=1e-9)
