@@ -84,6 +84,12 @@ class Figures:
         return self._quadrature(self.orbit.samples)
 
     @cached_property
+    def _largest_spacing(self) -> float:
+        """Largest distance between neighbouring samples. It exceeds the mean distance in long steps, and
+        between the points of Gauss's rule."""
+        return float(np.diff(self._even.phases).max())
+
+    @cached_property
     def _sampled(self) -> Callable[[str], Array]:
         return cache(partial(self._of_even, self._even))
 
@@ -172,8 +178,8 @@ class Figures:
                     rows, np.arange(len(rows))
                 ]
             with np.errstate(divide="ignore", invalid="ignore"):
-                moved = -_SPACING * first / second
-            phases = phases + np.where(np.abs(moved) < 1, moved, 0.0) * width
+                moved = -_SPACING * width * first / second
+            phases = phases + np.where(np.abs(moved) < self._largest_spacing, moved, 0.0)
         phases = self._in_corners(names, phases, signs)
         values = signs * self._values_at(names, phases[:, None])[:, 0]
         parts = (np.split(part, np.cumsum(counts)[:-1]) for part in (phases, signs, values))

@@ -77,7 +77,9 @@ class GridDerivatives:
     def _curve(self, grid: Grid, point: SinglePoint, engine: str) -> Curve | None:
         """Periodic solution on a grid, if it is known or inexpensive to compute; otherwise None."""
         solutions = self.solved.certified.solutions
-        if self.steps != self.solved.steps or self.rule != self.solved.certified.method:
+        # With jumps, a grid of as many steps may have other nodes, because numbers of steps are rounded.
+        same_nodes = isinstance(solutions.curve, Curve) and np.array_equal(solutions.curve.nodes, grid.nodes)
+        if not same_nodes or self.rule != self.solved.certified.method:
             if engine != COMPILED:
                 return None
             solutions = self.rule.solutions(point, grid, True, engine)

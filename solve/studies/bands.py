@@ -43,7 +43,7 @@ from solve.studies.speed_grids import (
     without_result,
 )
 from solve.studies.stability_samples import Evaluate, StabilitySamples, evaluator
-from solve.studies.tongues import find_narrow_tongues
+from solve.studies.tongues import find_narrow_tongues, near_ends
 from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import ShownUnit, speeds_between
@@ -166,6 +166,7 @@ def bands(
         rotation = multiplier_rotation(system, ends, _MAX_PHASE_ADVANCE if fast else np.inf)
         turned = -np.diff(1 / coarse) * rotation(coarse[1:])
         points = _subdivide(coarse, turned / max(_MAX_ANGLE, turned.sum() / _MAX_INTERVALS))[:, None]
+    points = np.union1d(points, near_ends(points[:, 0]))[:, None]
     batch = task.batch(points)
     evaluate = constant.evaluate if constant else (_evaluator_of_slow_modes if fast else evaluator)(batch)
     with progress.steps(4) as step:

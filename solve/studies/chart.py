@@ -33,7 +33,7 @@ from solve.studies.contours import contours
 from solve.studies.point_values import kept_for, values_of
 from solve.studies.stability_samples import StabilitySamples, evaluator
 from solve.studies.sweep import parameter_values
-from solve.studies.tongues import find_narrow_tongues
+from solve.studies.tongues import find_narrow_tongues, near_ends
 from solve.system import PeriodicSystem, multiplier_count, shown_in
 from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, speed_in_si, speeds_given
@@ -228,14 +228,15 @@ def _cut(
     if not np.isfinite(value):
         raise ValueOutOfBoundsError(f"the cut is at {names[held]} = {value:g}; give a finite number")
     along, values = 1 - held, axes[1 - held]
-    points = np.empty((len(values), 2))
-    points[:, held], points[:, along] = value, values
-    evaluated, inner = search.evaluate(points), np.arange(1, len(points) - 1)
+    points = np.empty((len(values) + 2, 2))
+    points[:, held], points[:, along] = value, np.append(values, near_ends(values))
+    samples = search.evaluate(points)
+    evaluated, samples = samples[: len(values)], samples[np.argsort(points[:, along])]
     if evaluated.failed.all():
         raise NoResultError(
             f"no point of the cut at {names[held]} = {value:g} has a result; choose another value"
         )
-    samples = evaluated + find_narrow_tongues(search.evaluate, evaluated, inner)
+    samples += find_narrow_tongues(search.evaluate, samples, np.arange(1, len(samples) - 1))
     (crossings,) = search.crossings(Lines(samples, np.zeros(len(samples.points)), along))
     found = [(at, KINDS[kind]) for at, kind in zip(crossings.place.tolist(), crossings.kind, strict=True)]
     radius = np.where(evaluated.failed, np.nan, np.abs(evaluated.multipliers[:, 0]))

@@ -78,7 +78,8 @@ def critical_speeds(
         System to solve.
     speeds : str or sequence of float or str
         Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm". Speeds are added where
-        fewer than 24 lie between two integer divisions of the lowest frequency.
+        fewer than 24 lie between two integer divisions of the lowest frequency, and at and halfway between
+        the divisions of all frequencies.
     quantity : str, optional
         Coordinate or output whose maxima are searched for; by default the first coordinate.
     figure : str
@@ -155,7 +156,12 @@ def _critical_speeds(
         of_real_part = search.multiplier_maxima(grid, values, results, real_part)
         step("maxima of the response")
         growing = np.array([maximum.speed for maximum in of_real_part if maximum.height > 1])
-        grid, results = search.add_crossings(grid, results, growing)
+        # A resonance of a higher mode may be narrower than the distance between two speeds of the grid.
+        rows = _divisions(frequencies, rest_frequencies, orders)
+        resonant = np.unique([row.speed for row in rows])
+        halfway = (resonant[:-1] + resonant[1:]) / 2
+        further = np.concatenate((growing, resonant, halfway))
+        grid, results = search.add_crossings(grid, results, further)
         frequencies = replace(frequencies, speeds=grid)
         resolved = _resolved(frequencies, orders)
         of_response = search.response_maxima(grid, results, resolved)

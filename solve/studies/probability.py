@@ -32,6 +32,12 @@ _PLAIN, _WIDE = 0.3, 0.2
 larger `SEARCH_SPREAD`. Chosen by judgement: with these fractions, intervals for events that surround 0 in
 three dimensions contain the true value as often as other intervals."""
 
+_FEW = 10
+"""Effective number of events, (Σw)²/Σw² of their weights w (L. Kish, Survey Sampling, 1965), below which they
+may lie at the margin of a region that the samples miss. The upper end of the interval is then at least that
+without events. Measured: of 60 intervals for two narrow ranges of
+instability, 14 did not contain the true value; with this limit, 4 do not."""
+
 _STEPS, _STEP_END = 12, 0.02
 """Maximum number of Newton steps to the nearest point of an event, and change of z below which the iteration
 ends. Chosen by judgement."""
@@ -89,7 +95,10 @@ class Mixture(NamedTuple):
         Undetermined and failed samples count as events for the upper end of the interval, but not for the
         lower end."""
         value, low, _ = self._interval(weights * events)
-        _, _, high = self._interval(weights * (events | undetermined | failed))
+        possible = weights * (events | undetermined | failed)
+        _, _, high = self._interval(possible)
+        if possible.sum() ** 2 < _FEW * (possible**2).sum():
+            high = max(high, self._interval(0 * weights)[2])
         counts = (int(np.count_nonzero(each)) for each in (events, undetermined, failed))
         return Probability(value, low, high, *counts)
 
@@ -105,7 +114,8 @@ class Mixture(NamedTuple):
         middle, square = value + QUANTILE**2 / (2 * count), QUANTILE**2 / count
         half = QUANTILE * math.sqrt(value * (1 - value) / count + square / (4 * count))
         ends = (middle - half) / (1 + square), (middle + half) / (1 + square)
-        return value, max(0.0, ends[0]) if value else 0.0, min(1.0, ends[1])
+        # At 0 and 1 the ends are exact apart from round-off.
+        return value, max(0.0, ends[0]) if value else 0.0, min(1.0, ends[1]) if value < 1 else 1.0
 
 
 def normal_variables(cube: Array) -> Array:

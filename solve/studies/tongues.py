@@ -17,6 +17,18 @@ _TRIAL_SPACING, _MARGIN = 0.05, 1e-3
 """Distance of the outer trials from the predicted minimum, as a fraction of the bracket; and smallest
 distance of trials from the ends of the bracket, as a fraction of the first distance."""
 
+_FROM_END = 1e-3
+"""Distance of additional points from the ends of a line, as a fraction of the first or last interval. The
+distance to instability then changes by about 1e-3 of its value, which exceeds the errors of multipliers at
+the default tolerance 1e-8."""
+
+
+def near_ends(values: Array) -> Array:
+    """Return two values just inside the ends of ascending values (k,). With these, a minimum of the distance
+    to instability within the first or last interval lies between three samples."""
+    first, last = _FROM_END * np.diff(values)[[0, -1]]
+    return np.array([values[0] + first, values[-1] - last])
+
 
 def find_narrow_tongues(
     evaluate: Evaluate, samples: StabilitySamples, middle: Array, stride: int = 1, predicted: float = 1.0

@@ -140,3 +140,16 @@ def test_coinciding_jumps_are_refused_and_omitted():
     assert list(solve.sensitivities(model, 2.0, "q.rms").by) == ["k", "c", "f", "second", "speed"]
     with pytest.raises(NoDerivativeError, match="moves a jump that coincides with another"):
         solve.sensitivities(model, 2.0, "q.rms", "begin")
+
+
+@pytest.mark.parametrize("numbers", [{"begin": 0.3}, {"begin": 1.0}, {"begin": 0.3, "other": 5.0}])
+def test_statistics_of_samples_at_unequal_distances_are_homogeneous_in_the_loads(numbers):
+    """The response is proportional to the two pushes, so that f ∂J/∂f + second ∂J/∂second = J (Euler). Maxima
+    lie farther from the nearest sample than the mean distance of samples. With 20 steps and these numbers,
+    the third grid has fewer steps."""
+    model = pushed(k=12.0, second=0.7, **numbers)
+    of, by = ["q.max", "q.rms", "q.harmonic1"], ["f", "second"]
+    found = solve.sensitivities(model, 1.7, of=of, by=by, method=solve.Gauss(), steps=20).found
+    for sensitivity in found.values():
+        value = sensitivity.derivatives @ np.array([1.0, 0.7])
+        assert value == pytest.approx(sensitivity.value, rel=1e-9)

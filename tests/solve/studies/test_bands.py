@@ -48,6 +48,21 @@ def test_band_between_two_speeds_is_found():
     assert not all(inside), "the grid alone would have shown both"
 
 
+@pytest.mark.parametrize("speeds", [(0.992, 1.992), (0.3, 1.008)], ids=["first", "last"])
+def test_band_in_an_interval_at_an_end_of_the_range_is_found(speeds):
+    """The edges of the band next to Ω² = delta are a_1 and b_1, 0.005 on both sides."""
+    bands = solve.bands(mathieu(delta=1.0, epsilon=0.02), speeds, tolerance=1e-9)
+
+    def distance(w, values):
+        return values(1, 0.01 / w**2) - 1 / w**2
+
+    edges = sorted(brentq(distance, 0.98, 1.02, (values,), xtol=1e-14) for values in (mathieu_a, mathieu_b))
+    (band,) = [band for band in bands if band.kind == "-1" and band.high > 0.9]
+    assert (band.low, band.high) == pytest.approx(edges, rel=1e-8)
+    assert not band.open_low
+    assert not band.open_high
+
+
 def test_bands_may_extend_to_the_ends_of_the_range():
     (band,) = solve.bands(mathieu(), np.linspace(1.95, 2.05, 5))
     assert (band.low, band.high, band.open_low, band.open_high) == (1.95, 2.05, True, True)

@@ -125,6 +125,14 @@ def test_no_narrow_stable_range_if_another_multiplier_is_outside():
     assert alone.boundaries != []
 
 
+@pytest.mark.parametrize("deltas", [np.linspace(3.98, 5.98, 11), np.linspace(2.5, 4.08, 11)])
+def test_cut_includes_a_tongue_in_an_interval_at_its_end(deltas):
+    """The second tongue lies between b_2 and a_2."""
+    chart = solve.chart(solve.load("mathieu", zeta=0.0), {"delta": deltas}, Y, 1.0)
+    found = [at for at, _ in chart.cut(y=0.5).crossings]
+    assert found == pytest.approx([mathieu_b(2, 0.25), mathieu_a(2, 0.25)], abs=1e-6)
+
+
 @pytest.mark.parametrize("held", ["x", "y"])
 def test_cuts_cross_the_boundaries_at_characteristic_values(undamped, held):
     cut = undamped.cut(x=4.3) if held == "x" else undamped.cut(y=1.0)

@@ -46,6 +46,36 @@ def test_maxima_of_the_response_match_the_closed_form(computed):
         assert rows[order].response.height == pytest.approx(rms(truth.x), rel=1e-7)
 
 
+@pytest.mark.parametrize("ratio", [2.7, 3.15])
+def test_narrow_resonances_of_a_higher_mode_are_found(ratio):
+    """The response of the second mode exceeds that of the first one only close to its resonances, whose width
+    is a tenth of the distance between two speeds of the grid."""
+    frequencies, zeta, push = np.array([1.0, ratio]), 1e-3, 0.3 ** np.arange(3)
+    shapes = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+
+    def load(phase):
+        wave = np.cos(np.outer(phase, np.arange(1, 4))) @ push
+        return np.column_stack((wave, wave))
+
+    damping, stiffness = np.diag(2 * zeta * frequencies), np.diag(frequencies**2)
+    C, K = (shapes @ matrix @ shapes.T for matrix in (damping, stiffness))
+    system = systems.constant(np.eye(2), C, K, load)
+
+    def rms(speed):
+        k = np.arange(1, 4) * speed
+        modal = frequencies**2 - k[:, None] ** 2 + 2j * zeta * frequencies * k[:, None]
+        q = (shapes[0] * (shapes.T @ np.ones(2)) / modal).sum(axis=1)
+        return np.sqrt((np.abs(q * push) ** 2).sum() / 2)
+
+    rows = solve.critical_speeds(system, [0.55, 3.5], figure="rms", orders=3).rows
+    found = {row.order: row.response for row in rows if row.mode == 2}
+    for order in (1, 2):
+        near = ratio / order * np.array([0.998, 1.002])
+        truth = minimize_scalar(lambda w: -rms(w), bounds=near, method="bounded", options={"xatol": 1e-9})
+        assert found[order].speed == pytest.approx(truth.x, rel=2e-5)
+        assert found[order].height == pytest.approx(-truth.fun, rel=1e-5)
+
+
 def test_maxima_of_multipliers_follow_from_the_damped_frequency(computed):
     decay, turn = ZETA * FREQUENCIES[0], FREQUENCIES[0] * np.sqrt(1 - ZETA**2)
     rows = {row.order: row for row in computed.rows if row.mode == 1}

@@ -115,3 +115,23 @@ def test_points_without_a_value_are_omitted_and_counted():
     assert 300 < unknown < 600
     assert found[0].first == pytest.approx(1.0, abs=0.05)
     assert found[1].total == 0.0
+
+
+@pytest.mark.parametrize(("low", "high", "samples"), [(3.7, 4.6, 400), (3.5, 5.0, 200), (4.0, 6.0, 200)])
+def test_upper_end_holds_for_an_event_away_from_the_centre(low, high, samples):
+    """The event low < z < high lies between 0 and the only centre, at z = 7. Few samples lie in it, and most
+    of them far from its nearest and most probable point."""
+    mixture, truth = Mixture.about([np.array([7.0])], 1, samples), norm.sf(low) - norm.sf(high)
+    none, above = np.zeros(samples, dtype=bool), 0
+    for seed in range(200):
+        z = mixture.samples(np.random.default_rng(seed))
+        event = (z[:, 0] > low) & (z[:, 0] < high)
+        above += truth <= mixture.probability(mixture.weights(z), event, none, none).high
+    assert above >= 190
+
+
+def test_interval_of_a_certain_event_ends_at_one():
+    for samples in range(100, 1000, 50):
+        mixture, none = Mixture.about([], 1, samples), np.zeros(samples, dtype=bool)
+        found = mixture.probability(np.ones(samples), ~none, none, none)
+        assert (found.value, found.high) == (1.0, 1.0)
