@@ -144,7 +144,7 @@ class _Moving:
     def __init__(self, stresses: StressMap, run_up: Callable[[Array], Drive]):
         self._map, self._drive = stresses, run_up
         self._model = model = stresses.lengths[0].model
-        self._nodes, self._collocation = np.linspace(0.0, TURN, _STEPS + 1), _METHOD.collocation
+        self._nodes, self._collocation = np.linspace(0.0, TURN, _STEPS + 1), _METHOD.stages
         self._h = np.diff(self._nodes)
         self._stages = (self._nodes[:-1, None] + self._h[:, None] * np.array(self._collocation.c)).ravel()
         self._samples = np.arange(_STEPS * _SAMPLES) * (TURN / (_STEPS * _SAMPLES))

@@ -55,7 +55,7 @@ class StabilitySamples:
     def __len__(self) -> int:
         return len(self.points)
 
-    def __getitem__(self, rows: Array) -> "StabilitySamples":
+    def __getitem__(self, rows: Array | slice) -> "StabilitySamples":
         return StabilitySamples(*(column[rows] for column in self._columns))
 
     def __add__(self, other: "StabilitySamples") -> "StabilitySamples":
