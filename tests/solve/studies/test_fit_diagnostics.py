@@ -7,12 +7,12 @@ import solve
 from solve.results.fit import Channel
 from solve.studies.fit_diagnostics import diagnose
 from tests.solve.derivatives.test_sensitivities import model
-from tests.solve.studies.test_fit import TRUE, curve, written
+from tests.solve.studies.test_fit import TRUE, curve, table_file
 
 
 @pytest.fixture
 def file(tmp_path):
-    return lambda rows: written(tmp_path / "q.csv", "phase (rad),speed (rad/s),q (1)", rows)
+    return lambda rows: table_file(tmp_path / "q.csv", "phase (rad),speed (rad/s),q (1)", rows)
 
 
 @pytest.mark.parametrize("count", [20, 100])
