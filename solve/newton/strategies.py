@@ -11,7 +11,7 @@ from solve.capabilities import Capabilities, Nonlinear
 from solve.certify.correction import corrected
 from solve.contracts import Columns, Matrices, Motion
 from solve.equations import nonlinear_of
-from solve.errors import ChatterError, NoOrbitError, SolveError
+from solve.errors import ChatterError, NoOrbitError, ResonanceError, SolveError
 from solve.newton.iteration import Converged, Task, interpolate, iterate, joined, without_zeros
 from solve.period.curve import Curve
 from solve.period.grid import Grid
@@ -88,7 +88,7 @@ def by_speed(task: Task, grid: Grid) -> Converged:
     for slow in task.speed / 2.0 ** np.arange(1, _SPEED_HALVINGS + 1):
         try:
             start = iterate(replace(task, speed=float(slow)), task.rest(grid), grid)
-        except NoOrbitError:
+        except (NoOrbitError, ResonanceError):
             continue
         return _continue(
             lambda speed: replace(task, speed=speed), float(slow), task.speed, start, grid, task.speed_text
@@ -130,7 +130,7 @@ def _continue(
             value = last if target == 1 else first + target * length
             try:
                 reached = iterate(task_at(value), guess, grid, _MAX_CORRECTIONS)
-            except NoOrbitError:
+            except (NoOrbitError, ResonanceError):
                 step /= _GROWTH
                 if step < _MIN_STEP:
                     ends = (text(first + part * length) for part in (0, at, at + _GROWTH * step))
@@ -172,7 +172,8 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
             next_trial = np.inf if settled else 2 * turns
             try:
                 orbit = iterate(task, motion, grid)
-            except NoOrbitError:
+            except (NoOrbitError, ResonanceError):
+                # A motion without contact may have no resistance against a shift.
                 continue
             if settled or orbit.solutions.multipliers.spectral_radius[0] <= 1:
                 return orbit, True
