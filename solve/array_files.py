@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import FileError
+from solve.errors import FileError, UnitError
 from solve.op4 import op4_matrices
+from solve.units import conversion
 
 _LARGEST = 5000
 """Largest number of rows of a matrix in a Matrix Market file. It is limited because matrices are stored as
@@ -86,23 +87,28 @@ def _nc_arrays(file: Path) -> dict[str, Any]:
     with h5py.File(file) as content:
         datasets = {name: each for name, each in content.items() if isinstance(each, h5py.Dataset)}
         for name in datasets.keys() & _NETCDF_UNITS.keys():
-            _require_unit(name, datasets[name].attrs.get("units", ""))
+            unit = datasets[name].attrs.get("units", "")
+            _require_unit(name, "" if isinstance(unit, h5py.Empty) else unit)
         return {name: _netcdf_values(each) for name, each in datasets.items()}
 
 
-_ANGLES = "", "rad", "radian", "radians"
-_NETCDF_UNITS = {
-    "phase": _ANGLES,
-    "phase_period": _ANGLES,
-    "speed": ("", "rad/s", "radian/s", "radians/s", "rad s-1", "rad s^-1", "1/s", "s-1"),
-}
-"""Mapping from variables to the permitted values of their attribute `units`."""
+_NETCDF_UNITS = {"phase": "rad", "phase_period": "rad", "speed": "rad/s"}
+"""Mapping from variables to the unit in which they are read."""
 
 
-def _require_unit(name: str, unit: Any) -> None:
-    text = unit.decode() if isinstance(unit, bytes) else str(unit)
-    if text not in _NETCDF_UNITS[name]:
-        raise FileError(f"{name} has the units '{text}'; write it in {_NETCDF_UNITS[name][1]}")
+def _require_unit(name: str, attribute: Any) -> None:
+    """Raise FileError if the attribute `units` of a variable is neither empty nor another spelling of the
+    unit in which the variable is read. Some programs write an array with one text."""
+    texts = [each.decode() if isinstance(each, bytes) else str(each) for each in np.ravel(attribute)]
+    given, expected = " ".join(texts).strip(), _NETCDF_UNITS[name]
+    try:
+        # Conventions write "rad s-1" or "rad.s-1" for "rad s^-1".
+        usual = re.sub(r"(?<=[a-z])(?=-?\d)", "^", given.replace(".", " "))
+        size = conversion(usual, expected) if given else 1.0
+    except UnitError:
+        size = np.nan
+    if size != 1.0:
+        raise FileError(f"{name} has the units '{given}'; write it in {expected}")
 
 
 def _netcdf_values(dataset: Any) -> Any:

@@ -242,7 +242,7 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
     if count < 3:
         raise MatricesError(
             f"{counted(count, 'azimuth does', 'azimuths do')} not determine any harmonic; "
-            "give 3 or more azimuths"
+            "give 3 or more azimuths, or matrices without phases if they are constant"
         )
     if np.ptp(azimuths) > _MOST_PERIODS * period:
         raise MatricesError(

@@ -144,7 +144,7 @@ def _repeated(array: Array, count: int) -> Array:
 
 def _phases(arrays: Mapping[str, Any], file: str) -> Array | None:
     """Azimuths in rad; None if the file contains none."""
-    return _real(arrays["phase"], "phase", file).ravel() if "phase" in arrays else None
+    return _real(arrays["phase"], "phase", file).ravel() if np.size(arrays.get("phase", ())) else None
 
 
 def _number(arrays: Mapping[str, Any], name: str, file: str) -> float | None:

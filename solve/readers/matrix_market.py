@@ -91,7 +91,9 @@ def read_matrix_market(
 
 def _require_same_azimuths(series: dict[str, dict[int, Path]], uniform: bool) -> None:
     """Raise FileError unless all matrices that are not constant have files with the same numbers. If the
-    azimuths are `uniform`, the numbers must be equidistant."""
+    azimuths are `uniform`, the numbers must be equidistant, such as 1, 2, 3, or equidistant numbers rounded
+    to integers, such as 0, 51, 103 degrees. A missing file then at least doubles a difference of 2 or more.
+    """
     numbered = {symbol: sorted(numbers) for symbol, numbers in series.items() if [*numbers] != [-1]}
     if not numbered:
         return
@@ -100,13 +102,14 @@ def _require_same_azimuths(series: dict[str, dict[int, Path]], uniform: bool) ->
         if len(numbers) != len(expected):
             texts = ", ".join(f"{counted(len(each), 'file')} of {name}" for name, each in numbered.items())
             raise FileError(
-                f"there are {texts}; give every matrix at the same azimuths, or one constant file"
+                f"the numbered files are {texts}; give every matrix at the same azimuths, or as one file "
+                "without number if it is constant"
             )
         if numbers != expected:
             number = min(set(numbers) ^ set(expected))
             raise FileError(
                 f"only one of {first} and {symbol} has a file with number {number}; give every matrix at the "
-                "same azimuths, or one constant file"
+                "same azimuths, or as one file without number if it is constant"
             )
     if -1 in expected:
         raise FileError(
@@ -114,7 +117,7 @@ def _require_same_azimuths(series: dict[str, dict[int, Path]], uniform: bool) ->
             "for a constant matrix, or numbered files"
         )
     steps = np.diff(expected)
-    if uniform and (steps != steps[:1]).any():
+    if uniform and len(steps) and steps.max() > steps.min() + (steps.min() > 1):
         gap = expected[int(np.argmax(steps))]
         raise FileError(
             f"the numbers of the files of {first} are not equidistant: {gap} is followed by "

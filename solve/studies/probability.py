@@ -35,8 +35,8 @@ three dimensions contain the true value as often as other intervals."""
 _FEW = 10
 """Effective number of events, (Σw)²/Σw² of their weights w (L. Kish, Survey Sampling, 1965), below which they
 may lie at the margin of a region that the samples miss. The upper end of the interval is then at least that
-without events. Measured: of 60 intervals for two narrow ranges of
-instability, 14 did not contain the true value; with this limit, 4 do not."""
+without events. Measured: of 60 intervals for two narrow ranges of instability, 14 did not contain the true
+value; with this limit, 4 do not."""
 
 _STEPS, _STEP_END = 12, 0.02
 """Maximum number of Newton steps to the nearest point of an event, and change of z below which the iteration
@@ -94,28 +94,38 @@ class Mixture(NamedTuple):
         """Probability of an event that occurs at the samples `events` (P,), with Wilson's interval.
         Undetermined and failed samples count as events for the upper end of the interval, but not for the
         lower end."""
-        value, low, _ = self._interval(weights * events)
-        possible = weights * (events | undetermined | failed)
-        _, _, high = self._interval(possible)
+        is_possible = events | undetermined | failed
+        value, low, _ = self._interval(weights, events)
+        _, _, high = self._interval(weights, is_possible)
+        possible = weights * is_possible
         if possible.sum() ** 2 < _FEW * (possible**2).sum():
-            high = max(high, self._interval(0 * weights)[2])
+            high = max(high, self._interval(weights, np.zeros_like(events))[2])
         counts = (int(np.count_nonzero(each)) for each in (events, undetermined, failed))
         return Probability(value, low, high, *counts)
 
-    def _interval(self, weighted: Array) -> tuple[float, float, float]:
-        """Mean of weighted events (P,) and the ends of its interval (E. B. Wilson, J. Am. Stat. Assoc. 22
+    def _interval(self, weights: Array, events: Array) -> tuple[float, float, float]:
+        """Probability of events (P,) and the ends of its interval (E. B. Wilson, J. Am. Stat. Assoc. 22
         (1927) 209-212). The interval is that for the number of equally weighted samples with the same
-        variance."""
-        total = len(weighted)
+        variance. The probability of a frequent event is 1 minus that of the opposite event, whose variance is
+        smaller, because the mean of the weights differs from 1."""
+        weighted = weights * events
+        opposite = weights - weighted
+        if opposite.sum() < weighted.sum():
+            value, low, high = self._ends(opposite)
+            return 1 - value, 1 - high, 1 - low
+        return self._ends(weighted)
+
+    def _ends(self, weighted: Array) -> tuple[float, float, float]:
+        """Mean of weighted events (P,), and the ends of its interval."""
         value = min(float(weighted.mean()), 1.0)
         by_centre = np.split(weighted, np.cumsum(self.counts)[:-1])
-        variance = sum(len(each) * float(each.var()) for each in by_centre) / total**2
-        count = value * (1 - value) / variance if variance > 0 else float(self.counts[0])
+        variance = sum(len(each) * float(each.var()) for each in by_centre) / len(weighted) ** 2
+        count = value * (1 - value) / variance if variance > 0 and value < 1 else float(self.counts[0])
         middle, square = value + QUANTILE**2 / (2 * count), QUANTILE**2 / count
         half = QUANTILE * math.sqrt(value * (1 - value) / count + square / (4 * count))
         ends = (middle - half) / (1 + square), (middle + half) / (1 + square)
-        # At 0 and 1 the ends are exact apart from round-off.
-        return value, max(0.0, ends[0]) if value else 0.0, min(1.0, ends[1]) if value < 1 else 1.0
+        # At 0 the lower end is exact apart from round-off.
+        return value, max(0.0, ends[0]) if value else 0.0, min(1.0, ends[1])
 
 
 def normal_variables(cube: Array) -> Array:

@@ -1,5 +1,6 @@
 """Matrices versus azimuth in .mat, .npz, netCDF and Matrix Market files: round trips, and invalid files."""
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -321,12 +322,48 @@ def test_inconsistent_matrix_market_files_are_refused(tmp_path):
         solve.read_matrix_market(pattern)
 
 
+@pytest.mark.parametrize("count", [7, 22, 100])
+def test_files_numbered_by_rounded_degrees_are_read(tmp_path, count):
+    phase = 2 * np.pi * np.arange(count) / count
+    scipy.io.mmwrite(tmp_path / "run.M.mtx", np.eye(1))
+    for angle in phase:
+        stiffness = np.array([[5 + np.cos(angle)]])
+        scipy.io.mmwrite(tmp_path / f"run.K.{round(np.degrees(angle))}.mtx", stiffness)
+    system = solve.read_matrix_market(str(tmp_path / "run.*.mtx"))
+    np.testing.assert_allclose(system.at(np.array([0.7]), 1.0)[2].ravel(), 5 + np.cos(0.7), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "units",
+    [
+        {"phase": "1", "speed": "rad.s-1"},
+        {"phase": "radian", "speed": "radians per second"},
+        {"phase": np.array(["rad"], dtype=object), "speed": np.bytes_("rad/sec")},
+        {"phase": h5py.Empty("S1")},
+    ],
+)
+def test_spellings_of_radians_in_netcdf_are_read(tmp_path, units):
+    phase = np.arange(8) * np.pi / 4
+    with h5py.File(tmp_path / "s.nc", "w") as file:
+        file["M"], file["K"] = np.eye(1), 4 + np.cos(phase)[:, None, None]
+        file["phase"], file["speed"] = phase, 2.0
+        for name, unit in units.items():
+            file[name].attrs["units"] = unit
+    assert solve.read_netcdf(tmp_path / "s.nc").labels.case_speed == "2.0 rad/s"
+
+
+def test_empty_phase_of_constant_matrices_is_ignored(tmp_path):
+    scipy.io.savemat(tmp_path / "e.mat", {"M": np.eye(2), "K": 3 * np.eye(2), "phase": np.zeros((0, 0))})
+    assert solve.read_mat(tmp_path / "e.mat").n == 2
+
+
 @pytest.mark.parametrize(
     ("names", "message"),
     [
+        (["M", "K.0", "K.33", "K.98", "K.131"], "not equidistant: 33 is followed by 98"),
         (["M", "K.1", "K.2", "K.3", "K.5"], "not equidistant: 3 is followed by 5"),
         (["M.1", "M.2", "M.3", "K.1", "K.2", "K.4"], "a file with number 3"),
-        (["M.1", "M.2", "M.3", "K.2"], "there are 1 file of K, 3 files of M"),
+        (["M.1", "M.2", "M.3", "K.2"], "the numbered files are 1 file of K, 3 files of M"),
         (["M", "K", "K.1", "K.2"], "has no number, but other files of K do"),
     ],
 )

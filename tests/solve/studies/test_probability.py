@@ -135,3 +135,20 @@ def test_interval_of_a_certain_event_ends_at_one():
         mixture, none = Mixture.about([], 1, samples), np.zeros(samples, dtype=bool)
         found = mixture.probability(np.ones(samples), ~none, none, none)
         assert (found.value, found.high) == (1.0, 1.0)
+
+
+def test_intervals_of_frequent_events_hold_for_any_sum_of_the_weights():
+    """The mean of the weights is above 1 for about half of the seeds."""
+    mixture, truth = Mixture.about([np.array([-2.5, 1.0])], 2, 400), norm.cdf(2.0)
+    inside = 0
+    for seed in range(100):
+        z = mixture.samples(np.random.default_rng(seed))
+        weights, none = mixture.weights(z), np.zeros(len(z), dtype=bool)
+        found = mixture.probability(weights, z[:, 0] > -2.0, none, none)
+        inside += found.low <= truth <= found.high
+        certain = mixture.probability(weights, ~none, none, none)
+        assert (certain.value, certain.high) == (1.0, 1.0)
+        assert certain.low > 0.95
+        unknown = mixture.probability(weights, none, none, ~none)
+        assert (unknown.value, unknown.low, unknown.high) == (0.0, 0.0, 1.0)
+    assert inside >= 90
