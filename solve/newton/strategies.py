@@ -33,9 +33,10 @@ linear orbit converges. Chosen by judgement."""
 _MAX_PERIODS = 80
 """Largest number of periods of the system over which a transient is integrated. Chosen by judgement."""
 
-_FIRST_TRIAL = 16
-"""Number of periods after which Newton's iteration is first tried from a transient that has not settled. The
-number doubles after each trial. Chosen by judgement."""
+_TRIAL_INTERVAL = 16
+"""Number of periods between trials of Newton's iteration from a transient that has not settled. Measured at 30
+speeds of gears that rattle: an orbit is found at all of them, and at 28 if the number doubles after each
+trial, in 0.9 times the time."""
 
 _RTOL = 1e-6
 """Relative tolerance of the transient. Chosen by judgement: far below the change that counts as settled."""
@@ -160,7 +161,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     periods converges to an orbit that is not unstable. If the transient does not settle, an unstable orbit to
     which the iteration has converged is returned. Raises NoOrbitError, whose message states the remaining
     change per period."""
-    change, next_trial, unstable, motion = np.inf, _FIRST_TRIAL, None, task.rest(grid)
+    change, next_trial, unstable, motion = np.inf, _TRIAL_INTERVAL, None, task.rest(grid)
     with progress.task("periods at most", _MAX_PERIODS) as count:
         for turns, motion, change in _march(task, grid):
             count.add(turns - count.done)
@@ -169,7 +170,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
                 if change < _FULLY_SETTLED:
                     break
                 continue
-            next_trial = np.inf if settled else 2 * turns
+            next_trial = np.inf if settled else turns + _TRIAL_INTERVAL
             try:
                 orbit = iterate(task, motion, grid)
             except (NoOrbitError, ResonanceError):
