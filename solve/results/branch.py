@@ -200,7 +200,8 @@ class Branch(BranchPoints):
     @property
     def branchings(self) -> list[dict[str, Any]]:
         """Branching points, at which a multiplier is +1 and another branch of orbits with the same period
-        crosses this one, as where symmetric orbits lose their symmetry."""
+        crosses this one, as where symmetric orbits lose their symmetry. Points at which two multipliers are
+        +1 at once are not listed."""
         return self._special(BRANCHING)
 
     def _special(self, kind: str) -> list[dict[str, Any]]:

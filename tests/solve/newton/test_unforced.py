@@ -155,3 +155,10 @@ def test_modes_with_a_hard_stop(kappa):
     contact = 2 * np.arccos((1 - centre) / depth) / rate_in_contact
     np.testing.assert_allclose(found.speeds[touches], 2 * np.pi / (flight + contact), rtol=1e-7)
     np.testing.assert_allclose(found.speeds[peak < 1], 1.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("kappa", "gap"), [(3000.0, 0.3), (5000.0, 2.0), (20000.0, 0.7)])
+def test_contact_with_a_hard_stop_raises_the_frequency(kappa, gap):
+    model = model_of(stop(), zeta=0.0, k=1.0, kappa=kappa, gap=gap, f=0.0)
+    found = solve.branch(model, "0.9:1.6 rad/s", unforced=True, rtol=1e-3)
+    assert found.values.min() > 1 - 1e-6
