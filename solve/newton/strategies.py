@@ -33,10 +33,10 @@ linear orbit converges. Chosen by judgement."""
 _MAX_PERIODS = 80
 """Largest number of periods of the system over which a transient is integrated. Chosen by judgement."""
 
-_TRIAL_INTERVAL = 16
-"""Number of periods between trials of Newton's iteration from a transient that has not settled. Measured at 30
-speeds of gears that rattle: an orbit is found at all of them, and at 28 if the number doubles after each
-trial, in 0.9 times the time."""
+_TRIAL_INTERVAL = 5
+"""Number of periods between trials of Newton's iteration from a transient that has not settled. Measured for
+gears that rattle, at 30 speeds: with 5, a stable orbit is found at 17 speeds, with 16 at 13. The search takes
+1.5 times as long."""
 
 _RTOL = 1e-6
 """Relative tolerance of the transient. Chosen by judgement: far below the change that counts as settled."""
