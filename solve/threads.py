@@ -109,7 +109,7 @@ def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]
                 if sys.getrefcount(_results[index]) == _UNUSED:
                     del _results[index]
             result = function(*args, **kwargs)
-            if result is not None:
+            if result is not None and all(result is not each for each in _results):
                 _results.append(result)
             return result
 

@@ -290,7 +290,8 @@ class Spectrum:
         if reduction is None or reduction.full_coordinates == self.point.n:
             return 0.0
         sizes = np.real(logarithms)
-        errors = SAFETY * certified.reduction[0].multipliers * np.exp(np.nanmax(sizes) - sizes)
+        with np.errstate(over="ignore", invalid="ignore"):
+            errors = SAFETY * certified.reduction[0].multipliers * np.exp(np.nanmax(sizes) - sizes)
         if not (self._has_factors and slicot.available()):
             return errors
         point = SinglePoint(reduction.enriched, self.point.speed)

@@ -273,19 +273,23 @@ static int resize(const lane *acting, lane *unit) {
 
 /* Condition number of the states of a chain with `steps` steps. `first`: condition number of the chain in units of the
    states. `condition`: condition number in units that also differ between the nodes. The result is larger if the residual
-   `left` is large and, if `sized`, if the terms of a state cancel. States that are round-off of their terms are excluded; in
-   the `balanced` units, the round-off of all states is similar. The result is limited so that a chain that is regular in the
-   first units does not count as singular. `acting` and `size` are in the units `unit`. */
+   `left` is large and, if `sized`, if the terms of a state cancel. States that are round-off of their terms are excluded, also
+   in the `balanced` units, in which the round-off of all states is similar. The result is limited so that a chain that is
+   regular in the first units does not count as singular. `acting` and `size` are in the units `unit`. */
 static lane of_states(lane first, lane condition, long steps, const lane *acting, const lane *size, const lane *unit,
                       const lane *balanced, lane left, int sized) {
     const double growth = fmax(8.0, steps / 16.0);
     const lane rounding = EPS * growth + (lane){0}, regular = (lane){0} + REGULAR;
     condition = chosen(first < SINGULAR, -larger(-regular, -condition), condition);
-    lane most = {0}, cancels = (lane){0} + 1.0;
-    for (int i = 0; i < NX; i++) most = larger(most, acting[i] * unit[i] / balanced[i]);
-    const lane rests = -larger(-8.0 * rounding * condition, (lane){0} - RESTS * growth) * most;
+    lane most = {0}, most_balanced = {0}, cancels = (lane){0} + 1.0;
+    for (int i = 0; i < NX; i++) {
+        most = larger(most, acting[i]);
+        most_balanced = larger(most_balanced, acting[i] * unit[i] / balanced[i]);
+    }
+    const lane rests = -larger(-8.0 * rounding * condition, (lane){0} - RESTS * growth);
+    const lane balanced_rests = -larger(-rests, (lane){0} - RESTS) * most_balanced;
     for (int i = 0; sized && i < NX; i++) {
-        const mask moves = size[i] * unit[i] / balanced[i] > rests;
+        const mask moves = (size[i] > rests * most) & (size[i] * unit[i] / balanced[i] > balanced_rests);
         cancels = larger(cancels, (lane)((mask)(acting[i] / size[i]) & moves));
     }
     const lane lost = -larger(-left / rounding, -regular);

@@ -98,6 +98,7 @@ class GeneratedSlopes:
         self.output = cache(self._output)
 
     @cached_property
+    @symbolic
     def _symbols(self) -> list[Any]:
         """Phase, speed, q″, q′, q and the parameters."""
         return [symbol(f"x{at}", size) for at, size in enumerate((1, 1, *[self._n] * 3, len(self._setup.p)))]

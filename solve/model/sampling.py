@@ -143,14 +143,17 @@ class MatrixSampler:
         self.n = linearised.size1_out("d")
         phase, speed = symbol("phase"), symbol("speed")
         (entries,) = folded(linearised, parameters).call([phase, speed, casadi.SX(0, 1)], True, False)
-        self._terms = _speed_terms(entries, speed)
-        inputs, values = ([phase, speed], entries) if self._terms is None else ([phase], self._terms.values)
+        terms = _speed_terms(entries, speed)
+        inputs, values = ([phase, speed], entries) if terms is None else ([phase], terms.values)
         self._evaluate = Sampler(casadi.Function("matrices", inputs, [values]))
         self._table = Recent(self._evaluate, _CACHE_BYTES)
-        if self._terms is not None:
+        # The expressions are not stored: their memory may only be released as `symbolic` describes.
+        self._is_polynomial = terms is not None
+        if terms is not None:
+            self._entry, self._power = terms.entry, terms.power
             all_entries = np.arange(3 * self.n**2 + self.n)
-            self._incidence = (self._terms.entry[:, None] == all_entries).astype(float)
-            self._powers = self._terms.power + np.maximum(2 - self._terms.entry // self.n**2, 0.0)
+            self._incidence = (self._entry[:, None] == all_entries).astype(float)
+            self._powers = self._power + np.maximum(2 - self._entry // self.n**2, 0.0)
 
     def __call__(self, phase: Array, speed: float) -> Matrices:
         return split_entries(self.entries(phase, np.array([speed]))[0], self.n)
@@ -158,14 +161,14 @@ class MatrixSampler:
     def entries(self, phase: Array, speeds: Array) -> Array:
         """Entries (P, m, 3n² + n) of M, C and K in row order, and of d, at speeds (P,)."""
         P, m, E = len(speeds), len(phase), 3 * self.n**2 + self.n
-        if self._terms is None:
+        if not self._is_polynomial:
             return self._evaluate(np.tile(phase, P), np.repeat(speeds, m)).reshape(P, m, E)
-        powers, table = speeds[:, None] ** self._terms.power, self._table(phase)
+        powers, table = speeds[:, None] ** self._power, self._table(phase)
         entries = table @ (powers[:, :, None] * self._incidence)
         if not np.isfinite(entries).all():
             # In a matrix product, 0·∞ would make all entries NaN.
             entries = np.zeros((P, m, E))
-            for column, entry in enumerate(self._terms.entry):
+            for column, entry in enumerate(self._entry):
                 entries[..., entry] += powers[:, None, column] * table[:, column]
         return entries
 
@@ -173,7 +176,7 @@ class MatrixSampler:
         """Return coefficients (m, R) of powers of the speed in Ω²M, ΩC, K and d. Also return the index of the
         entry (R,), ascending, and the power (R,) of each coefficient. None if the entries are not polynomials
         in the speed."""
-        return None if self._terms is None else (self._table(phase), self._terms.entry, self._powers)
+        return (self._table(phase), self._entry, self._powers) if self._is_polynomial else None
 
 
 class _SpeedTerms(NamedTuple):

@@ -141,9 +141,16 @@ def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
             x, condition, left = _at_nodes(A, b, unit)
             acting = _largest_term_sums(A, b, x)
         growth = roundoff_growth(steps.A.shape[-3])
+        # States that are round-off of their terms are excluded, also in the balanced units, in which the
+        # round-off of all states is similar: a state may be loaded only by states at rest. The second
+        # threshold does not grow with the steps, because it would exclude states with several accurate
+        # digits. Of 270 orbits with undamped absorbers, 6 instead of 12 have errors above 10 times their
+        # estimates.
         size = np.abs(x[..., 0]).max(axis=-2)
         rest = rest_threshold(EPS * growth * condition, growth)
-        cancels = _cancellation(acting / balanced_unit, size / balanced_unit, rest)
+        moving = _exceeds(size / unit, acting / unit, rest)
+        moving &= _exceeds(size / balanced_unit, acting / balanced_unit, np.minimum(rest, _RESTS))
+        cancels = np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
         condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
     condition = np.fmax(condition, np.minimum(left / (EPS * roundoff_growth(steps.A.shape[-3])), REGULAR))
     for level in reversed(levels[:-1]):
@@ -223,13 +230,10 @@ def rest_threshold(rounding: Array, growth: float) -> Array:
     return np.minimum(_ROUNDING * rounding, _RESTS * growth)
 
 
-def _cancellation(acting: Array, size: Array, rest: Array) -> Array:
-    """Largest ratio (...) of `acting` to `size`. For each state, `acting` is the sum of the moduli of its
-    terms, and `size` is its modulus. Both are (..., N), in the units in which the chain is balanced: there,
-    the round-off of all states is similar. States that are round-off of their terms are excluded, see
-    `rest_threshold`."""
-    moving = size > rest[..., None] * acting.max(axis=-1, keepdims=True)
-    return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
+def _exceeds(size: Array, acting: Array, rest: Array) -> Array:
+    """Mask (..., N) of the moduli `size` (..., N) of states that exceed the threshold `rest` (...), relative
+    to the largest of the sums `acting` (..., N) of the moduli of their terms."""
+    return size > rest[..., None] * acting.max(axis=-1, keepdims=True)
 
 
 def _levels(steps: Steps, most: int) -> list[Steps]:

@@ -1,6 +1,7 @@
 """BLAS uses one thread for small matrices and the previous number of threads otherwise; threads may share a
 model."""
 
+import gc
 import subprocess
 import sys
 import weakref
@@ -133,6 +134,39 @@ def test_next_symbolic_call_releases_memory_of_unused_functions():
     assert reference() is None
     assert inner() is None
     assert used is not None
+
+
+def test_results_that_are_returned_repeatedly_are_released():
+    stored = [Result()]
+    build = threads.symbolic(lambda: stored[0])
+    build()
+    build()
+    reference = weakref.ref(stored.pop())
+    threads.symbolic(Result)()
+    assert reference() is None
+
+
+def expressions_in(owner):
+    """Expressions to which objects other than results of symbolic functions refer, directly or through the
+    attributes and containers of `owner`."""
+    seen, left, found = {id(each) for each in threads._results}, [owner], []
+    while left:
+        each = left.pop()
+        if isinstance(each, casadi.SX | casadi.Function):
+            found.append(each)
+        elif isinstance(each, dict | list | tuple | set) or type(each).__module__.startswith("solve."):
+            new = [part for part in gc.get_referents(each) if id(part) not in seen]
+            seen.update(map(id, new))
+            left += [part for part in new if not isinstance(part, type | Sampler)]
+    return found
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "gear_pair"])
+def test_models_store_no_expressions_that_are_released_unprotected(name):
+    """Without the lock, the release of an expression may free a constant that another thread is using."""
+    model = solve.load(name)
+    solve.sensitivities(model, model.labels.case_speed or 10.0, rtol=1e-4)
+    assert expressions_in(model) == []
 
 
 def test_samplers_do_not_release_functions_themselves():

@@ -238,3 +238,11 @@ def test_command_states_the_reduction_error(capsys):
     assert f"reduced  10 of 18 coordinates: multipliers {error['multipliers']:.1e}" in out.out
     assert "reduction ±" in out.out
     assert "natural frequencies below" in out.err
+
+
+@pytest.mark.filterwarnings("error")
+def test_reduction_errors_of_vanishing_multipliers_cause_no_overflow():
+    """At a low speed, the multipliers of damped modes are below 1e-308 of the largest."""
+    stability = solve.floquet(solve.load("four_bar", reduce=1), "0.4 rad/s", rtol=1e-3)
+    errors = stability.multiplier_errors
+    assert np.isnan(errors).sum() > len(errors) / 2
