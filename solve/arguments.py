@@ -280,7 +280,7 @@ def limited(limit: float | None) -> Iterator[None]:
     """Context manager that limits the number of values in memory; None keeps the current limit. Raises
     ValueOutOfBoundsError for limits outside 1 … 1e15."""
     if limit is not None and not 1 <= limit <= 1e15:
-        raise ValueOutOfBoundsError(f"limit is {limit:g}; allowed: 1 … 1e15 numbers, such as {MOST}")
+        raise ValueOutOfBoundsError(f"limit is {limit:g}; allowed: 1 … 1e15 numbers in total, such as {MOST}")
     token = _numbers_limit.set(_numbers_limit.get() if limit is None else limit)
     try:
         yield

@@ -163,13 +163,14 @@ class Capabilities(NamedTuple):
     samples : Samples or None
         Samples from which the matrices are interpolated.
     input_matrix : callable or None
-        Function of phases (m,) and a speed in rad/s that returns a sequence with the array B (m, n, r).
+        Function of phases (m,) and a speed in rad/s that returns a
+        sequence whose only element is the array B (m, n, r).
     domain : callable or None
         Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
         exist at one of these speeds.
     sketch : callable or None
-        Function of phases (k,), a speed, q (n, k), and a factor for the default number of points of curves.
-        It returns a mapping from lines of the sketch to points x + iy (points, k).
+        Function of phases (k,), a speed, q (n, k), and a factor that multiplies the default number of points
+        per curve. It returns a mapping from the names of lines of the sketch to points x + iy (points, k).
     varying : callable or None
         Function of phases (m,), speeds (m,) and an acceleration in rad/s² that returns the matrices, for
         derivatives with respect to time.

@@ -25,7 +25,7 @@ class Misprint(Enum):
         "Table 4.1: crank's second moment of area 520.47e-12 m⁴; its section gives 529.17e-12"
     )
     INTERNAL_STIFFNESS = "(A.4): 322 in K(2,2); true: 332, as in K(6,6)"
-    CURVATURE_ELEMENT = "(A.5)–(A.8): repeat (A.1)–(A.4); the element with end curvatures has others"
+    CURVATURE_ELEMENT = "(A.5)–(A.8): the same as (A.1)–(A.4); the matrices with end curvatures differ"
     ARGUMENTS = "(B.1)–(B.6), (B.9): functions of λ; true: of λL"
     AXIAL_SIGNS = "(5.15), (B.7), (B.8): −β cot βL and +β/sin βL; true: the opposite signs"
     PRODUCTS = "(B.10)–(B.15): products of two F, and F3 in G1, without L; true: times L"

@@ -182,8 +182,8 @@ class MemberMatrices:
 
     @cached_property
     def stiffness(self) -> Array:
-        """Stiffness matrix for degrees of freedom with derivatives with respect to x (N/m, N, …); thesis, Eq.
-        (4.11)."""
+        """Stiffness matrix (N/m, N, …) for degrees of freedom that include derivatives of the deflection with
+        respect to x; thesis, Eq. (4.11)."""
         bending = self.element.scaled(self.element.bending, self.L)
         return self.EA / self.L * self.element.elongation + self.EI / self.L**3 * bending
 

@@ -111,8 +111,8 @@ def opened_branches(folder: str | Path | None, work: Mapping[str, Any]) -> Itera
 
 
 def description_of(parameters: ContinuationParameters, **choices: Any) -> dict[str, Any]:
-    """Return a description of everything that determines the points of branches, except the number of points.
-    `choices` are further entries."""
+    """Return a description of everything that determines the points of branches, except their number. The
+    keyword arguments `choices` are added to it."""
     task = parameters.task
     phase = (np.arange(_PROBES) + 0.37) * (task.system.period / _PROBES)
     return {

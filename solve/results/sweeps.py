@@ -212,7 +212,7 @@ class Validity(Result):
         """Text that states the speed up to which the linear model is valid."""
         limit, highest = f"{100 * self.allowed:g} %", self.trusted_to
         if highest is None:
-            return f"errors exceed {limit} from the lowest of these speeds on"
+            return f"errors exceed {limit} at the lowest of these speeds and above it"
         speed = self.system.labels.speed_unit.text(highest)
         if self.errors.max() <= ROUND_OFF:
             return f"no error above round-off up to {speed}"

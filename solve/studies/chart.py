@@ -223,8 +223,8 @@ def _stability_at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stabilit
 def _cut(
     search: BoundarySearch, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float
 ) -> Cut:
-    """Return a cut along one axis, at a fixed value of the other quantity, which has the index `held`. Raises
-    ValueOutOfBoundsError, and NoResultError if no point has a result."""
+    """Return a cut along one axis. The quantity with the index `held` is fixed at `value`. Raises
+    ValueOutOfBoundsError if `value` is not finite, and NoResultError if no point has a result."""
     if not np.isfinite(value):
         raise ValueOutOfBoundsError(f"the cut is at {names[held]} = {value:g}; give a finite number")
     along, values = 1 - held, axes[1 - held]

@@ -72,8 +72,9 @@ class ConstantCoefficients:
     def evaluate(self, points: Array) -> StabilitySamples:
         """Return the stability at points (k, v).
 
-        The moduli of the multipliers are exact. Their angles are not: they are Im µ Ω times a fixed time
-        instead of the period, so that two multipliers coincide only if their exponents coincide.
+        The moduli of the multipliers are exact. Their angles are not: each is the frequency (rad/s) of the
+        exponent times a fixed time, not times the period. Two multipliers therefore coincide only if their
+        exponents coincide.
         """
         exponents, period = self.exponents(points), self.family.example.period
         growth, errors = exponents.growth * period, exponents.errors * period

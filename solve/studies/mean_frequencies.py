@@ -103,10 +103,10 @@ class MeanFrequencies:
             return []
         first, largest = float(speeds[beyond[0]]), int(shifts.argmax())
         return [
-            "gyroscopic forces, or damping that couples modes, change frequencies by more than "
+            "gyroscopic forces, or damping that couples modes, change the frequencies by more than "
             f"{CLOSE:.0%} (first at {text(first, '.4g')}), and by up to {shifts[largest]:.0%} at "
-            f"{text(float(speeds[largest]), '.4g')}: mean frequencies and their integer fractions, which "
-            "are computed from M and K only, are unreliable there"
+            f"{text(float(speeds[largest]), '.4g')}: mean frequencies, which are computed from M and K "
+            "only, and their integer fractions are unreliable there"
         ]
 
 

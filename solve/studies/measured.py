@@ -283,7 +283,7 @@ def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Map
         if axis == "order" and np.isrealobj(values) and (values[at > 0] < 0).any():
             raise ValueOutOfBoundsError(
                 f"data: {file} has the amplitude {values[at > 0].min():g} for {name}; allowed: 0 and "
-                f"above, or with a column '{name}{_PHASE} (deg)'"
+                f"above, or any value with a column '{name}{_PHASE} (deg)'"
             )
     zero = [name for name, values in channels.items() if not values.any()]
     if zero:

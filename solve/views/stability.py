@@ -74,7 +74,7 @@ def _multiplier_table(result: Stability) -> RenderableType:
     omitted = [f"{smaller} smaller"] * (smaller > 0)
     omitted += [f"{result.unresolved} not accurate to one digit"] * (result.unresolved > 0)
     return table(
-        "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T",
+        "Floquet multipliers ρ; growth in 1/s; frequency in Hz; folded: modulo 1/T",
         *("Re ρ", "Im ρ", "|ρ|", "growth", "folded", "frequency", "order"),
         left=0,
         rows=rows,
