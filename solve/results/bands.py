@@ -33,8 +33,8 @@ class Band:
     spectral_radius : float
         Largest spectral radius at any solved speed in the band.
     open_low, open_high : bool
-        Whether the lower (upper) edge is unknown because it lies beyond the range, or next to a speed without
-        a result.
+        Whether the lower edge (`open_low`) or the upper edge (`open_high`) is unknown. An edge is unknown if
+        it lies beyond the range or next to a speed without a result.
     """
 
     low: float

@@ -61,8 +61,8 @@ class BranchPoints(ResultOver):
     figures : (P, q, 7) array
         Statistics of each coordinate and output: the fields of `solve.contracts.Statistics`.
     figure_errors : (P, q) array
-        Estimated errors of the extrema, relative to the largest absolute value of the quantity or, for a
-        coordinate on which the forces cancel, to its scale.
+        Estimated errors of the extrema, relative to the largest absolute value of the quantity. For a
+        coordinate on which the forces cancel, the error is relative to the scale of the coordinate.
     multipliers : (P, 2n) array
         Floquet multipliers, largest modulus first.
     radius : (P,) array
@@ -75,11 +75,11 @@ class BranchPoints(ResultOver):
         Number of the branch to which each point belongs, from 0; and number of model periods per period of
         the orbit.
     repeats : (P,) array of bool
-        Whether an orbit of several periods repeats after a single one.
+        Whether an orbit computed over several periods repeats after a single period.
     rtol : float
         Relative tolerance of the orbits.
     ended : str
-        Reason why the branch ends within its range, otherwise empty.
+        Reason why the branch ends within its range; empty if it does not.
     notes : sequence of str
         Notes on the selection of the engine.
     periods : int
@@ -150,8 +150,9 @@ class Branch(BranchPoints):
 
     @matches_annotations
     def curve(self, point: int) -> FourierCurve:
-        """Curve of the orbit at the point with index `point`, before its last correction. It can be the start
-        of `solve.nonlinear`, which computes the orbit to a tolerance. `errors` does not apply to this curve.
+        """Curve of the orbit at the point with index `point`, before its last correction. Pass the curve to
+        `solve.nonlinear` as `start` to compute the orbit to a tolerance. `errors` does not apply to the
+        curve.
 
         Examples
         --------
@@ -200,8 +201,8 @@ class Branch(BranchPoints):
     @property
     def branchings(self) -> list[dict[str, Any]]:
         """Branching points, at which a multiplier is +1 and another branch of orbits with the same period
-        crosses this one, as where symmetric orbits lose their symmetry. Points at which two multipliers are
-        +1 at once are not listed."""
+        crosses this one. Symmetric orbits, for example, lose their symmetry at such points. Points at which
+        two multipliers are +1 at once are not listed."""
         return self._special(BRANCHING)
 
     def _special(self, kind: str) -> list[dict[str, Any]]:
@@ -228,7 +229,7 @@ class Branch(BranchPoints):
         """Jumps of the response while the varied quantity changes slowly along the first branch. Each has the
         direction of the change, the value of the varied quantity, the coordinate whose relative change is
         largest, and the largest absolute value of this coordinate before the jump ("from") and after it
-        ("to"). The latter is None if the branch has no stable orbit to jump to."""
+        ("to"). "to" is None if the branch has no stable orbit to jump to."""
         first = np.flatnonzero(self.numbers == 0)
         values, peaks = self.values[first], self.peaks[first]
         verdicts = np.array(self.verdicts)[first].tolist()
@@ -334,7 +335,7 @@ class Branch(BranchPoints):
 
     @property
     def closed(self) -> list[int]:
-        """Numbers of the closed branches, whose last orbit is their first."""
+        """Numbers of the closed branches. The last orbit of a closed branch equals the first one."""
         parts = [self.numbers == number for number in range(self._count)]
         return [
             number for number, part in enumerate(parts) if is_closed(self.values[part], self.figures[part])
@@ -391,7 +392,7 @@ class Branch(BranchPoints):
 
 def _distance(kind: str, multipliers: Array) -> Array:
     """Return the differences between the multipliers and the value that defines a kind of special point: 1 at
-    folds and branching points, -1 at period doublings. At tori, it is the modulus that must be 1."""
+    folds and branching points, -1 at period doublings. For tori, return the moduli minus 1."""
     if kind == TORUS:
         return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
     return multipliers - (-1 if kind == DOUBLING else 1)

@@ -19,9 +19,9 @@ STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 
 @dataclass(frozen=True)
 class Jump:
-    """Jump of the response during a slow change of the parameter: the number `at` of the turning point at
-    which it begins, the direction of the change, and the largest absolute values (n,) of the coordinates on
-    the orbit to which it leads, or None without a stable orbit at this value."""
+    """Jump of the response during a slow change of the parameter. `at` is the index of the turning point at
+    which the jump begins. `direction` is the direction of the change. `after` (n,) contains the largest
+    absolute values of the coordinates after the jump; it is None if there is no stable orbit to jump to."""
 
     at: int
     direction: str
@@ -31,8 +31,8 @@ class Jump:
 def jumps_of(
     values: Array, peaks: Array, radii: Array, kinds: Sequence[str], verdicts: Sequence[str]
 ) -> list[Jump]:
-    """Jumps along a branch of P orbits. They begin at turning points, folds or corners, with stable orbits on
-    one side only.
+    """Return the jumps along a branch of P orbits. Each jump begins at a turning point (a fold or a corner)
+    that has stable orbits on one side only.
 
     values, peaks, radii: values (P,) of the parameter, largest absolute values (P, n) of the coordinates, and
     spectral radii (P,); kinds, verdicts: names (P,)."""
@@ -49,7 +49,7 @@ def jumps_of(
 
 
 def relative_change(before: Array, after: Array) -> Array:
-    """Relative changes (n,) of peaks (n,)."""
+    """Return the relative changes (n,) from the peaks `before` (n,) to the peaks `after` (n,)."""
     largest = np.maximum(before, after)
     return np.abs(after - before) / np.where(largest > 0, largest, 1.0)
 
@@ -62,16 +62,17 @@ def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array)
 
 
 def _beside(values: Array, at: int, way: int) -> float:
-    """Nearest other value of the parameter along the branch in one direction; NaN beyond its end."""
+    """Return the next value of the parameter that differs from the value at the point `at`, in the direction
+    `way` along the branch; NaN if there is none."""
     others = values[at::way][values[at::way] != values[at]]
     return float(others[0]) if len(others) else np.nan
 
 
 def _is_stable(radii: Array, kinds: Sequence[str], verdicts: Sequence[str], at: int, way: int) -> bool:
-    """Whether the orbits next to a turning point in one direction along the branch are stable. The verdicts
-    of the nearest orbits may be undetermined, but there must be no special point among these, except grazing
-    orbits next to a fold. If all verdicts up to the end of the branch are undetermined, as near a grazing
-    orbit, the spectral radius of the nearest orbit decides."""
+    """Return whether the orbits next to the turning point `at`, in the direction `way` along the branch, are
+    stable. The first determined verdict decides. No special point may precede it, except grazing orbits next
+    to a fold. If all verdicts up to the end of the branch are undetermined, as near a grazing orbit, the
+    spectral radius of the nearest orbit decides."""
     place, passed = at + way, (REGULAR, GRAZING) if kinds[at] == FOLD else (REGULAR,)
     while 0 <= place < len(kinds) and kinds[place] in passed:
         if verdicts[place] != UNDETERMINED:
@@ -82,8 +83,9 @@ def _is_stable(radii: Array, kinds: Sequence[str], verdicts: Sequence[str], at: 
 
 
 def _target(values: Array, peaks: Array, verdicts: Sequence[str], at: int) -> Array | None:
-    """Peaks (n,) of the stable orbit at the value of a turning point that differs least from the orbit there;
-    None without a stable orbit."""
+    """Return the peaks (n,) of the orbit to which the response jumps at the turning point `at`; None if there
+    is none. Among the stable orbits at this value of the parameter, it is the one that differs least from the
+    turning point."""
     targets = []
     for side in range(len(values) - 1):
         apart, step = values[at] - values[side], values[side + 1] - values[side]

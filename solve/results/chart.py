@@ -103,7 +103,7 @@ class ProvedBoxes:
 
     def at(self, x: Array, y: Array) -> Array:
         """Indices (ny, nx) in VERDICTS of the verdicts at the points of a grid. A point on a common edge of
-        two boxes has the verdict of one of these."""
+        two boxes has the verdict of one of the two boxes."""
         verdicts = np.full((len(y), len(x)), UNDETERMINED)
         first = np.stack([np.searchsorted(axis, self.ends[:, k]) for axis, k in ((x, 0), (y, 2))], axis=1)
         last = np.stack(
@@ -264,8 +264,8 @@ class Chart(ChartPoints):
 
     @matches_annotations
     def with_cuts(self, held: Sequence[tuple[str, float]]) -> "Chart":
-        """Chart with cuts at values of its quantities; `held` contains pairs of names and values. Raises
-        UnknownNameError."""
+        """Return the chart with cuts at constant values of its quantities. `held` contains pairs of a
+        quantity's name and its value. Raises UnknownNameError."""
         names = self.x_name, self.y_name
         for name, _ in held:
             require_name("quantity of the chart", name, names)

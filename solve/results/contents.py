@@ -22,10 +22,10 @@ from solve.results.formatting import fixed, headed, prefixed
 from solve.system import PeriodicSystem
 
 is_state_name = re.compile(r"seal|state\d*").fullmatch
-"""Function that matches the names of those arrays in a file from which the result is restored."""
+"""Function that matches the names of the arrays from which a result is restored."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
-"""Packages of which files state the versions."""
+"""Packages whose versions are stated in files."""
 
 DEGREES = 361
 """Number of phases of a curve over a period in tables: one per degree of a revolution, and more than the
@@ -187,8 +187,8 @@ class FileContents:
 
     @property
     def table(self) -> dict[str, Array]:
-        """Columns of equal length, with one row for each combination of values of the axes. The axes are
-        those of the column with the largest number of axes."""
+        """Columns of equal length, with one row for each combination of values of the axes. The table has the
+        axes of the column with the largest number of axes."""
         widest = max(self.columns.values(), key=lambda column: len(column.axes))
         axes, shape = widest.axes, widest.array.shape
         sizes = dict(zip(axes, shape, strict=True))

@@ -26,8 +26,8 @@ _TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with
 
 @serializable
 class Vibration(NamedTuple):
-    """Vibration of a quantity in SI units: largest absolute value over a period without feedback, the same
-    with feedback, and root mean square with feedback."""
+    """Vibration of a quantity in SI units. `without` and `controlled` are the largest absolute values over a
+    period without and with feedback; `rms` is the root mean square with feedback."""
 
     without: float
     controlled: float
@@ -230,7 +230,7 @@ class Controller(Result):
     @cached_property
     def harmonics(self) -> Array:
         """Complex harmonics K_k of the gain K = Re Σ_k K_k e^{ikφ}, where φ has the period 2π: (13, r, N) for
-        a regulator, (13, N, y) for a filter."""
+        a regulator, (13, N, y) for a filter with y measured quantities."""
         return self._harmonics_of(self.gain)
 
     def _harmonics_of(self, function: Callable[[Array], Array]) -> Array:

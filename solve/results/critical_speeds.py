@@ -99,7 +99,8 @@ class Critical:
 
     @property
     def speed(self) -> float:
-        """Speed in rad/s of the first criterion that has a maximum; if none has one, the division."""
+        """Speed in rad/s of the first criterion that has a maximum; if no criterion has a maximum, the
+        division."""
         maxima = [way.speed for way in (self.response, self.multiplier, self.radius) if way]
         return maxima[0] if maxima else float(self.division or np.nan)
 

@@ -21,8 +21,8 @@ class Channel(NamedTuple):
     """Measured and computed values (k,) of a coordinate or output at a speed (rad/s). `at` (k,) contains
     phases or, if `orders` is True, orders.
 
-    Amplitudes of orders with phase angles are complex. `position` is the phase at which natural frequencies
-    at rest were measured; `at` then contains mode numbers.
+    If `orders` is True and phase angles were measured, the values are complex amplitudes. `position` is the
+    phase at which natural frequencies at rest were measured; `at` then contains mode numbers.
     """
 
     speed: float

@@ -92,8 +92,8 @@ class ModesOver(ResultOver):
     harmonics : (H,) array
         Harmonics h of the modes. Harmonic h has the frequency |Im λ + 2πh/T|.
     participation : (P, M, n, H) array
-        Fraction of each mode that each harmonic of each coordinate contains, weighted by the mean inertia of
-        the coordinate.
+        Fraction of each mode contained in each harmonic of each coordinate. Coordinates are weighted by their
+        mean inertia.
     meetings : sequence of Meeting
         Crossings and veerings.
     ambiguous : sequence of Ambiguity
@@ -108,7 +108,8 @@ class ModesOver(ResultOver):
     steps : int
         Number of steps per period.
     failures : mapping of int to str
-        Mapping from indices of speeds, or values of the parameter, without a result to the reason.
+        Reasons why speeds, or values of the parameter, have no result. The keys are the indices of these
+        speeds or values.
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
     notes : sequence of str

@@ -72,7 +72,7 @@ class Roots(Result):
 
 
 def _roots_of(frequencies: Array, growth_rates: Array | None) -> NaturalFrequencies:
-    """Return frequencies and growth rates. In files of earlier versions, the latter are missing."""
+    """Return frequencies and growth rates. Growth rates are missing in files of earlier versions."""
     rates = np.full_like(frequencies, np.nan) if growth_rates is None else growth_rates
     return NaturalFrequencies(frequencies, rates)
 
@@ -129,7 +129,7 @@ class Frequencies(Roots):
 
     @property
     def mean(self) -> Array:
-        """Means (k,) over the positions; NaN if the mode grows at a position."""
+        """Means (k,) over the positions; NaN for a mode that grows at any position."""
         return self.values.mean(axis=0)
 
     @property

@@ -20,7 +20,7 @@ on the bound. Chosen by judgement."""
 
 @serializable
 class Requirement(NamedTuple):
-    """Requirement with its worst value at any speed, for the optimum, and its bound."""
+    """Requirement, with its worst value at any speed for the optimal parameters, and with its bound."""
 
     name: str
     value: float

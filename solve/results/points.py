@@ -68,8 +68,8 @@ class PointResults:
     amplitudes : (P, spectra, harmonics + 1) array
         Amplitudes of the spectra.
     multipliers : (P, N) array
-        Multipliers, 0 if unresolved. The last `rigid` entries are zero; they are placeholders for those of
-        rigid-body modes.
+        Multipliers, 0 if unresolved. The last `rigid` entries are zero; they are placeholders for the
+        multipliers of rigid-body modes.
     errors : (P, 2) array
         Relative errors of the orbits and of the multipliers.
     verdicts : (P,) array

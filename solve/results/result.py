@@ -65,7 +65,7 @@ class Result(Serializable):
 
     @property
     def _reduction(self) -> list[str]:
-        """Sentence on the reduction of the system, for results without an estimate of its error."""
+        """Sentence on the reduction of the system, for results without an estimate of the reduction error."""
         reduction = self.system.capabilities.reduction
         return [] if reduction is None else [reduction.sentence]
 

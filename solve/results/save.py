@@ -99,7 +99,7 @@ def _read_nc(file: Path) -> dict[str, Array]:
 
 def dataset(contents: FileContents) -> "xarray.Dataset":
     """Return a Dataset with one variable per column; variables have the attributes `units` and `long_name`.
-    The time, and columns with the name of their axis, become coordinates of the Dataset."""
+    The time becomes a coordinate of the Dataset, as does every column that has the name of its axis."""
     import xarray
 
     entries = {name: _variable(column) for name, column in {**contents.columns, **contents.others}.items()}

@@ -279,8 +279,8 @@ class SensitivitiesOver(Result):
 
     @matches_annotations
     def ranked(self, place: int) -> list[int]:
-        """Indices of the parameters in descending order of the elasticity of the quantity with index `place`,
-        largest at any speed."""
+        """Indices of the parameters with the largest elasticities of the quantity with index `place`, in
+        descending order. The elasticity of a parameter is its maximum over the speeds."""
         require_index("place", place, len(self.quantities))
         sizes = np.nan_to_num(np.abs(self.elasticities[:, place])).max(axis=0)
         return np.argsort(-sizes, kind="stable")[:MOST_SHOWN].tolist()

@@ -90,8 +90,8 @@ class Serializable:
 
 
 def _field_names(kind: type, stored: bool) -> list[str]:
-    """Return the names of those fields of a dataclass that are written to files or, if `stored` is False,
-    that are not."""
+    """Return the names of the fields of a dataclass that are written to files; if `stored` is False, the
+    names of all other fields."""
     fields = dataclasses.fields(kind)
     return [field.name for field in fields if field.metadata.get("stored", True) is stored]
 

@@ -241,8 +241,8 @@ class Stability(Solution):
 
     @stored_property
     def error_estimate(self) -> ErrorEstimate:
-        """Errors of the orbit and of the multipliers; the latter is infinite if the spectral radius is not
-        accurate to one digit."""
+        """Errors of the orbit and of the multipliers. The error of the multipliers is infinite if the
+        spectral radius is not accurate to one digit."""
         orbit, multipliers = map(float, self.certified.errors[0])
         if not self._rho.resolved[0]:
             largest = float(self.multiplier_errors[self._others[0]]) if len(self._others) else 0.0

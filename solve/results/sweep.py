@@ -230,7 +230,8 @@ class Sweep(Result):
     @stored_property
     def warnings(self) -> list[str]:
         """Warnings about the equations, followed by one sentence, with the speeds, for each kind of warning
-        or failure. Texts that differ only in their numbers count as one kind, of which the first is shown."""
+        or failure. Texts that differ only in their numbers count as one kind; the first text of each kind is
+        shown."""
         of_equations = list(self.system.labels.equation_warnings)
         reasons = {index: [f"no result: {text}"] for index, text in self.results.failures.items()}
         texts = {**self.results.warnings, **reasons}

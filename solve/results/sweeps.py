@@ -24,8 +24,8 @@ PEAK, QUIET = "peak", "quiet"
 
 
 class Extreme(NamedTuple):
-    """Speed (rad/s) of a peak, which is a local maximum of the first system's response, or a quiet speed,
-    which is a local minimum; with the responses of all systems at this speed."""
+    """Local extremum of the first system's response at a speed (rad/s). Its kind is a peak (maximum) or a
+    quiet speed (minimum). `responses` contains the responses of all systems at this speed."""
 
     speed: float
     kind: str

@@ -57,7 +57,7 @@ class SobolIndices(NamedTuple):
 @serializable
 class WorstPoint(NamedTuple):
     """Worst value of a quantity within the ranges of the parameters, its value for the nominal parameters,
-    the speed (rad/s) of the worst value, and the parameters there."""
+    the speed (rad/s) of the worst value, and the parameters of the worst value."""
 
     value: float
     nominal: float

@@ -329,8 +329,8 @@ class Transient(TransientMotion):
         return super().plot(names)
 
     def file_contents(self) -> FileContents:
-        """Columns of time, phase, coordinates and outputs. Files .npz and .mat also contain q and qd (n, j),
-        from the end of which another transient can continue."""
+        """Columns of time, phase, coordinates and outputs. Files .npz and .mat also contain q and qd (n, j);
+        another transient can continue from their last values."""
         system, q = self.system, self.q
         columns = curves_of(system, self.time, self.phase, q, self.outputs)
         if self.ramp:

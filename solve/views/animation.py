@@ -58,7 +58,7 @@ class Animation:
     vibration : callable
         Function from phases (k,) to coordinates (n, k).
     signals : mapping of str to callable
-        Quantities that are drawn as curves, as functions of the phase.
+        Mapping from names of quantities drawn as curves to functions of the phase.
     scale : float
         Magnification of the vibration.
     frames : int or None
@@ -183,7 +183,7 @@ def animate(
     Returns
     -------
     Animation
-        Animation, whose method `save` writes it or a picture.
+        Animation. Its method `save` writes the animation or a picture.
 
     Raises
     ------
@@ -299,8 +299,8 @@ def _free(
 
 
 def _scaled(animation: Animation, scale: float | None) -> Animation:
-    """Return the animation with the magnification `scale`; by default, it is the largest of 1, 2, 5, 10, …
-    that displaces no point by more than 12 % of the mechanism's size."""
+    """Return the animation with the magnification `scale`. If `scale` is None, the magnification is the
+    largest of 1, 2, 5, 10, … that displaces no point by more than 12 % of the mechanism's size."""
     if scale is None:
         phase = np.linspace(0.0, animation.span, HALF_DEGREES // 4)
         rigid, moved = animation.lines(phase, 0.0), animation.lines(phase, 1.0)
@@ -320,7 +320,8 @@ def require_magnification(scale: float | None) -> None:
 
 
 def frame_count(frames: int | None, free: bool, still: bool) -> int:
-    """Return the number of frames or positions; None selects the default. Raises ValueOutOfBoundsError."""
+    """Return the number of frames or, if `still` is True, of positions; None selects the default. Raises
+    ValueOutOfBoundsError."""
     if frames is None:
         return _POSITIONS if still else _FREE_FRAMES if free else _FRAMES
     most = MOST_POSITIONS if still else MOST_FRAMES

@@ -56,8 +56,8 @@ _SIGNS = "o", "^", "s", "D", "v"
 @figure.register(Branch)
 def branch_figure(branch: Branch) -> Figure:
     """Figure of the largest absolute values of the coordinates and the spectral radius versus the varied
-    quantity, dashed where the branch is unstable. For unforced modes, the energy is drawn instead of the
-    spectral radius."""
+    quantity. Curves are dashed where the branch is unstable. For unforced modes, the energy is drawn instead
+    of the spectral radius."""
     names = branch.system.coordinates[: MOST_SHOWN - 1]
     count = len(names) + 1
     title = "unforced nonlinear modes" if len(branch.energies) else "branch of nonlinear orbits"
@@ -81,7 +81,7 @@ def branch_figure(branch: Branch) -> Figure:
 
 
 def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
-    """Draw the special points, and the sections of a branch between changes of the verdict."""
+    """Draw a branch as sections of constant verdict, and mark its special points."""
     x, labelled = unit_of(branch.system, branch.over).from_si(branch.values), set[str]()
     for number in range(int(branch.numbers.max()) + 1):
         in_branch = np.flatnonzero(branch.numbers == number)

@@ -25,21 +25,22 @@ _MOST_GROWTH = 4.0
 resolve the boundaries."""
 
 _FEW = 40_000
-"""Maximum number of grid points with which colours are interpolated up to the boundaries; a denser grid
-resolves the boundaries without this. Chosen by judgement."""
+"""Maximum number of grid points for which colours are interpolated up to the boundaries. A denser grid
+resolves the boundaries without interpolation. Chosen by judgement."""
 
 _LETTER = 0.007, 0.035
-"""Half-width and half-height of a letter including its margin, as fractions of the figure, as measured."""
+"""Measured half-width and half-height of a letter, including its margin, as fractions of the figure."""
 
 _FEWEST = 5
 """Minimum number of points with which a curve is smoothed by Akima's cubics."""
 
 
 class Field(NamedTuple):
-    """Stability as a function of x (nx,) and y (ny,), in the displayed units. At each point (ny, nx), there
-    is the growth ln|ρ| per period, the kind of instability, which is empty for stable points, and whether the
-    verdict is unknown. `boundaries` are pairs of a kind and a curve (k, 2). `decided` and `open` are boxes
-    (k, 4) with and without a proved verdict, given by their ends along x and y."""
+    """Stability as a function of x (nx,) and y (ny,), in the displayed units. `growth` (ny, nx) is ln|ρ| per
+    period. `kinds` (ny, nx) are the kinds of instability, empty for stable points. `unknown` (ny, nx) is True
+    where the verdict is unknown. `boundaries` are pairs of a kind and a curve (k, 2). `decided` (k, 4) are
+    boxes with a proved verdict, `open` (k, 4) boxes without one; each row contains the ends of a box along x,
+    then along y."""
 
     x: Array
     y: Array
@@ -84,8 +85,8 @@ def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
 
 
 def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
-    """Figure of the stable regions, the unstable regions with their growth per period, coloured by kind of
-    instability, and the boundaries."""
+    """Figure of the stable regions, the unstable regions and the boundaries. Unstable regions are shaded by
+    growth per period, with one colour for each kind of instability."""
     from matplotlib.patches import Patch
 
     found = {*field.kinds.flat, *(kind for kind, _ in field.boundaries)}
@@ -140,8 +141,8 @@ def _draw_boundaries(
 
 
 def _draw_boxes(axes: Axes, field: Field) -> list[Any]:
-    """Draw the outlines of the boxes with a proved verdict, and all other boxes in black. Return the keys of
-    the legend."""
+    """Draw boxes with a proved verdict as outlines, and all other boxes in black. Return the keys of the
+    legend."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Patch
 
@@ -190,8 +191,8 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
 
 
 class _Plane(NamedTuple):
-    """Values at points, the kind of the nearest unstable point or boundary, and a function of axes and values
-    that draws filled contours."""
+    """Values at points of the plane. `kinds` contains the kind of the nearest unstable point or boundary, for
+    each point. `fill` is a function of axes and values that draws filled contours."""
 
     values: Array
     kinds: Array
@@ -199,7 +200,7 @@ class _Plane(NamedTuple):
 
 
 def _plane(field: Field, values: Array) -> _Plane:
-    """Return the values at the points of the grid, and zeros at the points of the boundaries."""
+    """Return a plane with `values` at the points of the grid and zeros at the points of the boundaries."""
     from scipy.spatial import Delaunay, KDTree
 
     points = np.column_stack([axis.ravel() for axis in np.meshgrid(field.x, field.y)])

@@ -124,8 +124,8 @@ def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> li
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Return the reasons why methods have no result, and the warnings, each followed by the names of the
-    methods concerned."""
+    """Return the warnings and the reasons why methods have no result. Each text is followed by the names of
+    the methods concerned."""
     # For a method that does not resolve the fastest mode, a mark in the table replaces the last warning.
     texts = [(row.warnings if row.followed else row.warnings[:-1], row) for row in rows]
     reasons = grouped(

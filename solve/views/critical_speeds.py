@@ -28,8 +28,9 @@ _ROOM = 1.6
 """Factor by which the limits of a logarithmic axis exceed the range of the curves."""
 
 _CLEAR, _ASIDE = 0.05, 0.015
-"""Distances of labels from curves and from the frame, as fractions of the height and of the width. Labels are
-at least twice the second distance apart."""
+"""Vertical distance of labels from curves and from each other, as a fraction of the height; and horizontal
+distance of labels from the frame, as a fraction of the width. Twice the latter separates labels of equal
+height."""
 
 
 @figure.register(CriticalSpeeds)
@@ -123,8 +124,8 @@ def _draw_marks(
 
 
 def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
-    """Shade intervals around unstable speeds, which extend halfway to the neighbouring speeds. `unstable`
-    (P,) is a mask of the ascending `speeds` (P,)."""
+    """Shade an interval around each unstable speed. The interval extends halfway to the neighbouring speeds.
+    `unstable` (P,) is a mask of the ascending `speeds` (P,)."""
     shown = unit.from_si(speeds)
     between = np.concatenate((shown[:1], (shown[1:] + shown[:-1]) / 2, shown[-1:]))
     style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0}

@@ -33,8 +33,8 @@ from solve.views.style import BLUE, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, Table, table, text
 
 _SAME, _EVEN = 1e-6, 1e-3
-"""Relative differences up to which phases, and up to which distances between phases, count as equal. Chosen
-by judgement, below the precision of measured data."""
+"""Relative difference up to which two phases count as equal, and relative difference up to which two
+distances between phases count as equal. Chosen by judgement, below the precision of measured data."""
 
 _CLOSE = 0.9
 """Correlation above which a pair of parameters is listed. Chosen by judgement."""

@@ -27,7 +27,7 @@ _MOST_HARMONICS = 3
 
 @figure.register(FollowedModes)
 def followed_modes_figure(followed: FollowedModes) -> Figure:
-    """Figure with the Campbell diagram of the unfolded frequencies, and damping ratios."""
+    """Figure with the Campbell diagram of the unfolded frequencies, and with the damping ratios."""
     title, heights = "followed modes", (1.5, 1.0)
     with panels_over(followed.system, followed.values, title, 6.2, 2, followed.over, heights) as (
         page,
@@ -78,7 +78,7 @@ def _draw_sidebands(axes: Axes, followed: FollowedModes, column: int, style: dic
 
 
 def _draw_rays(axes: Axes, followed: FollowedModes, top: float) -> None:
-    """Draw the orders of the speed as rays, up to the frequency `top`."""
+    """Draw the multiples of the speed as rays, up to the frequency `top`."""
     if followed.over != SPEED:
         return
     x = _places(followed, followed.values)

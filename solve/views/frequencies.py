@@ -89,7 +89,7 @@ def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[
 
 
 def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
-    """Figure of the frequencies (m, k) versus positions (m,) of a revolution, with dashed means. Growth rates
+    """Figure of the frequencies (m, k) versus positions (m,) of a revolution. Means are dashed. Growth rates
     are drawn as negative frequencies."""
     from matplotlib.ticker import MultipleLocator
 
@@ -218,8 +218,8 @@ def variation_tables(found: Variation) -> Sequence[Table]:
 
 @tables.register(Findings)
 def findings_tables(found: Findings) -> Sequence[RenderableType]:
-    """Tables of the frequencies at the position, with the largest deflection of each link in each mode shape;
-    over the revolution; and versus a parameter."""
+    """Tables of the frequencies at the position, over the revolution, and versus a parameter. The first table
+    also contains the largest deflection of each link in each mode shape."""
     roots, captions = found.here.signed[0], _about_modes(found)
     columns = {
         "mode": Column(range(1, len(roots) + 1), heading="mode"),

@@ -198,8 +198,9 @@ def _joints(drawn: Drawn, size: float) -> list[Plane]:
 def meeting_ends(
     rigid: Mapping[str, Plane], moved: Mapping[str, Plane], size: float
 ) -> list[tuple[str, int]]:
-    """Return the name of a line and its end (0 or -1) for each joint: a point at which the ends of two moving
-    lines coincide in all frames. `size` is the size of the mechanism."""
+    """Return one pair per joint: the name of a line and the index (0 or -1) of its end at the joint. A joint
+    is a point at which the ends of two moving lines coincide in all frames. `size` is the size of the
+    mechanism."""
     open_lines = [name for name, line in rigid.items() if not is_closed(line, size)]
     ends = [(name, end) for name in open_lines for end in (0, -1)]
     meeting = []

@@ -187,7 +187,8 @@ def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
 
 
 def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
-    """Return a table of the extrema, with their phases, and of the means. Constants have no phases."""
+    """Return a table of the extrema, with their phases, and of the means. No phases are shown for constant
+    quantities."""
     motion.evaluate_outputs()
     period, rows = motion.system.period, []
     for name in known_quantities(motion.system):

@@ -111,7 +111,8 @@ BEHIND = {"color": "#C8C8C8", "linewidth": 5.0, "solid_capstyle": "round"}
 
 
 def require_turn(system: PeriodicSystem, name: str, curves: int) -> None:
-    """Raise UnknownNameError, and ValueOutOfBoundsError for more curves than can be distinguished."""
+    """Raise UnknownNameError for an unknown name, and ValueOutOfBoundsError for more curves than can be
+    distinguished."""
     known_quantities(system, [name])
     if curves > MOST_CURVES:
         raise ValueOutOfBoundsError(

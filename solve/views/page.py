@@ -46,7 +46,7 @@ _GIVEN = "given"
 class Part:
     """Section of a report.
 
-    `heading` is the title, and `about` a sentence on the content. `result` is None if there is none, and
+    `heading` is the title, and `about` a sentence on the content. `result` is None if there is no result;
     `reason` then states why. `orbit` is the name of the orbit if the report contains two orbits.
     """
 

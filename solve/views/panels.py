@@ -34,10 +34,11 @@ MOST_CURVES = 12
 """Maximum number of curves that can be distinguished in one figure."""
 
 MOST_DRAWN = 8
-"""Maximum number of panels of a figure, and of curves with labels or of bars in a panel: as many as fit."""
+"""Maximum number of panels in a figure, and maximum number of labelled curves or bars in a panel: as many as
+fit."""
 
 DRAWN_RTOL = 1e-6
-"""Relative tolerance of results for curves and tables, which show fewer digits."""
+"""Relative tolerance of results for curves and tables. These show no more digits."""
 
 HEADROOM = 1.15
 """Ratio of the upper limit of a Campbell diagram to the highest frequency."""
@@ -194,8 +195,8 @@ def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **s
 
 
 def shades(count: int) -> list[dict[str, Any]]:
-    """Return colours and dash patterns for several curves, of which the first is the darkest. The dash
-    patterns distinguish the curves in black and white."""
+    """Return colours and dash patterns for several curves. The first colour is the darkest. The dash patterns
+    distinguish the curves in black and white."""
     import matplotlib
 
     # Colours beyond 0.8 are too light for a white page.

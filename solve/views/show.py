@@ -86,7 +86,7 @@ def tables(result: Result) -> Sequence[RenderableType]:
 @ByClass
 def printout(result: Result, choices: Sequence[str] = (), **options: Any) -> RenderableType:
     """Everything that a command prints except warnings. `choices` are settings other than the case; `options`
-    are those of the tables."""
+    are options of the tables."""
     return stacked(heading_of(result, choices), *tables(result, **options))
 
 

@@ -45,7 +45,8 @@ _FLOOR = -80.0
 """Lowest amplitude that spectra show, in dB."""
 
 Edges = Sequence[tuple[float, float, str]]
-"""Type of unstable bands: lower edge, upper edge (rad/s) and kind of each."""
+"""Type of a sequence of unstable bands. Each band is a lower edge (rad/s), an upper edge (rad/s) and a
+kind."""
 
 
 def _quantities_to_draw(sweep: Sweep) -> Sequence[str]:
@@ -66,8 +67,8 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 
 @tables.register(Sweep)
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
-    """Table with one row per point. It contains the largest absolute values of the named quantities; by
-    default, of as many coordinates as fit."""
+    """Table with one row per point. It contains the largest absolute values of the quantities `names`; by
+    default, the table contains as many coordinates as fit."""
     names = names or _quantities_to_draw(sweep)
     units = sweep.system.labels.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
@@ -97,8 +98,8 @@ def response_figure(
     figure: str = "max_abs",
     bands: Edges = (),
 ) -> Figure:
-    """Figure of a statistic of each quantity, one panel per quantity, and of the spectral radius, versus the
-    last quantity that varies.
+    """Figure of a statistic of each quantity and of the spectral radius, versus the last quantity that
+    varies. There is one panel per quantity.
 
     `varied` and `responses` map names to values (P,). `radius` (P,) are the spectral radii; None if nothing
     vibrates. There is one curve for each combination of the other parameters; if there is only one curve, its
@@ -161,8 +162,8 @@ def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
 
 
 def moving(varied: Mapping[str, Array]) -> list[str]:
-    """Return the names of the quantities that vary, from a mapping of names to values (P,); if none varies,
-    the name of the last one."""
+    """Return the names of the quantities that vary. `varied` maps names to values (P,). If no quantity
+    varies, the name of the last one is returned."""
     return [name for name, values in varied.items() if np.ptp(values) > 0] or [*varied][-1:]
 
 

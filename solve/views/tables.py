@@ -27,7 +27,8 @@ MOST_LISTED = 20
 """Maximum number of rows of tables in order of importance. The number of the remaining rows is stated."""
 
 WIDEST = 48
-"""Number of characters for the longest texts of a table of 80 characters, beside its columns of numbers."""
+"""Maximum width of the longest texts, in characters, beside the columns of numbers in a table of 80
+characters."""
 
 
 def stacked(*items: RenderableType) -> RenderableType:

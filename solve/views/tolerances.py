@@ -23,8 +23,8 @@ _OUTSIDE = 5e-4
 
 @figure.register(Tolerances)
 def tolerances_figure(result: Tolerances) -> Figure:
-    """Figure with one row per quantity, which shows its distribution with the limit, and its Sobol
-    indices."""
+    """Figure with one row per quantity. Each row shows the distribution of the quantity, with its limits, and
+    the Sobol indices."""
     varying = _varying(result)
     names = varying[:MOST_SHOWN]
     title = f"{title_of(result.system)}: tolerances{omission(len(varying), MOST_SHOWN, 'quantities')}"

@@ -16,8 +16,8 @@ from solve.studies.frequencies import frequencies
 from solve.units import GivenSpeed, ShownUnit, raised, speed_in_si, unit_given
 
 _SPAN = 10.0
-"""Ratio of the upper end of the slider of a positive parameter to the initial value, and ratio of this value
-to the lower end. Chosen by judgement."""
+"""For the slider of a positive parameter: ratio of the upper end to the initial value, and ratio of the
+initial value to the lower end. Chosen by judgement."""
 
 _SPEEDS = 0.2, 3.0
 """Ends of the slider of the speed, relative to the initial speed. Chosen by judgement."""

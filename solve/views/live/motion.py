@@ -39,7 +39,7 @@ def motion(
     Returns
     -------
     record : dict
-        Names, sizes and kinds of the lines, magnification, and the area that all frames need.
+        Names, sizes and kinds of the lines, the magnification, and the area that contains all frames.
     points : bytes
         Coordinates as little-endian 32-bit floats: for each line first the rigid motion, then the magnified
         motion, each in the order of frames, points, and x, y. For a model without a sketch, None is returned
