@@ -1,7 +1,7 @@
 """Periodic solutions, stability, studies and figures of linear systems with periodic coefficients.
 
-Public names are listed in `__init__.pyi`. Modules are imported at the first use of a name, so that a command
-imports only the modules that it needs.
+Public names are listed in `__init__.pyi`. A module is imported at the first use of one of its names, so that
+a command imports only the modules that it needs.
 """
 
 import ast

@@ -39,8 +39,8 @@ Result = TypeVar("Result")
 def first_is(
     *types: type, such_as: str, demand: Callable[[Any], None] | None = None
 ) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
-    """Create a decorator that checks arguments. It raises ValueOutOfBoundsError unless the first argument is
-    an instance of `types` and the others match their annotations.
+    """Create a decorator that checks arguments. The decorated function raises ValueOutOfBoundsError unless
+    its first argument is an instance of `types` and all other arguments match their annotations.
 
     Wrong arguments are rejected early with a clear message instead of an AttributeError.
 

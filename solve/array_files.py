@@ -97,8 +97,8 @@ _NETCDF_UNITS = {"phase": "rad", "phase_period": "rad", "speed": "rad/s"}
 
 
 def _require_unit(name: str, attribute: Any) -> None:
-    """Raise FileError if the attribute `units` of a variable is neither empty nor another spelling of the
-    unit in which the variable is read. Some programs write an array with one text."""
+    """Raise FileError unless the attribute `units` of a variable is empty or a spelling of the unit in which
+    the variable is read. Some programs write the attribute as an array with one text."""
     texts = [each.decode() if isinstance(each, bytes) else str(each) for each in np.ravel(attribute)]
     given, expected = " ".join(texts).strip(), _NETCDF_UNITS[name]
     try:

@@ -19,8 +19,8 @@ EPS = float(np.finfo(float).eps)
 """Distance from 1 to the next larger float64, 2.2e-16."""
 
 ROUND_OFF = 1e-12
-"""Relative error that counts as round-off of a computed value: that of about a thousand terms, times a
-condition number of up to 10."""
+"""Relative error that counts as round-off of a computed value: the round-off of a sum of about a thousand
+terms, times a condition number of up to 10."""
 
 CACHE_SIZE = 8
 """Number of entries of caches: a solution requires the same matrices on several grids. Chosen by
@@ -102,8 +102,8 @@ def solved(A: Array, b: Array) -> Array:
 
 
 def definite_solved(A: Array, b: Array) -> Array:
-    """Solution x of A x = b for symmetric positive definite matrices A (k, n, n). For many small matrices it
-    is faster than `solved`, because elimination requires no pivoting."""
+    """Solution x of A x = b for symmetric positive definite matrices A (k, n, n). For many small matrices,
+    this function is faster than `solved`, because elimination requires no pivoting."""
     k, n, _ = A.shape
     if k < _MANY_ROWS or n > _SMALLEST or not (np.swapaxes(A, 1, 2) == A).all():
         return solved(A, b)

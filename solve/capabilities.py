@@ -140,11 +140,11 @@ class Linearisation(Protocol):
     """Phases at which the motion passes switches."""
 
     def event_normals(self, motion: Motion, speed: float, phases: Array, names: Sequence[str] = ()) -> Array:
-        """Derivatives (k, 1 + 2n + r) of switching functions at phases (k,) of a motion, at a speed in
-        rad/s. At each phase, the function that is nearest to zero there is differentiated.
+        """Derivatives (k, 1 + 2n + r) of switching functions at phases (k,) of a motion, at a speed in rad/s.
+        At each phase, only the switching function nearest to zero is differentiated.
 
         The derivatives are with respect to the phase, q, dq/dφ and r named parameters; the name "speed" is
-        the speed. Those with respect to the speed are at constant q and dq/dφ."""
+        the speed. Derivatives with respect to the speed are at constant q and dq/dφ."""
         ...
 
     def roundoff(self, phase: Array, speed: float) -> Array:
@@ -154,7 +154,7 @@ class Linearisation(Protocol):
 
 
 class Capabilities(NamedTuple):
-    """Capabilities of a system. Those that it does not have are None.
+    """Capabilities of a system. The attribute of a capability that the system lacks is None.
 
     Attributes
     ----------
@@ -163,8 +163,8 @@ class Capabilities(NamedTuple):
     samples : Samples or None
         Samples from which the matrices are interpolated.
     input_matrix : callable or None
-        Function of phases (m,) and a speed in rad/s that returns a
-        sequence whose only element is the array B (m, n, r).
+        Function of phases (m,) and a speed in rad/s that returns a sequence whose only element is the array B
+        (m, n, r).
     domain : callable or None
         Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
         exist at one of these speeds.

@@ -91,7 +91,7 @@ class Formulas(NamedTuple):
 Columns = Callable[..., Array | None]
 """Type of functions that evaluate formulas by compiled code.
 
-Inputs are (width, k) each, with one column per evaluation. The functions return values (outputs, k), or
+Each input is an array (width, k) with one column per evaluation. The functions return values (outputs, k), or
 weighted sums (outputs, c) of the values; None if compiled code is not available. See
 `solve.kernel.formulas.columns`."""
 
@@ -127,8 +127,8 @@ class Dependence(Protocol):
 
     @property
     def less_accurate(self) -> "Dependence":
-        """Derivatives by finite differences of lower order, for error estimates. The object itself if its
-        derivatives are exact."""
+        """Object with derivatives by finite differences of lower order, for error estimates. If the
+        derivatives are exact, it is the same object."""
         return self
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
@@ -144,8 +144,8 @@ class Dependence(Protocol):
         """Derivatives of a weighted sum of the entries of M, C and K, which are the derivatives of the
         residual with respect to the states. The weights are (k, 3, n, n).
 
-        Return the derivatives with respect to θ (r,), and those with respect to the states (k, 3, n). The
-        latter are 0 for linear equations.
+        Return the derivatives (r,) with respect to θ, and the derivatives (k, 3, n) with respect to the
+        states, which are 0 for linear equations.
         """
         ...
 

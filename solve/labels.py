@@ -39,8 +39,7 @@ class Labels:
     parameter_labels: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """Mapping from parameters to units and meanings."""
     parameter_sources: Mapping[str, str] = field(default_factory=dict)
-    """Mapping from parameters to sources of their values, for values from the case. Other values have no
-    source."""
+    """Mapping from parameters to the sources of their values. Only values from the case have a source."""
     equations: tuple[str, ...] = ()
     """Equations as HTML elements with MathML."""
     links: tuple[DrawnLink, ...] = ()
@@ -56,8 +55,8 @@ class Labels:
     equation_warnings: tuple[str, ...] = ()
     """Warnings about the equations that apply at any speed: neglected terms, errors of fitted series."""
     largest_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Mapping from quantities to the outputs of which they are the largest, for example the stresses on both
-    surfaces."""
+    """Mapping from each quantity that is the largest of several outputs to these outputs, for example to the
+    stresses on both surfaces."""
     units: Mapping[str, str] = field(default_factory=dict)
     meanings: Mapping[str, str] = field(default_factory=dict)
     speed_unit: ShownUnit = RPM

@@ -107,7 +107,8 @@ def load(
     reduce : int, optional
         Number of modes retained per link of a beam structure. Results then state the error of the reduction.
     **parameters : float or str
-        Values that override those of the case, in the units of the model or as strings such as "30 mm".
+        Values that override the values of the case. A value is a number in the unit of the model, or a string
+        such as "30 mm".
 
     Returns
     -------
@@ -210,7 +211,7 @@ def case_numbers(
     cases : str or Path, optional
         Path of another case file.
     parameters : mapping of str to float or str, optional
-        Values that replace those of the case.
+        Values that replace the values of the case.
 
     Returns
     -------

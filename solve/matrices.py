@@ -81,8 +81,8 @@ def split_entries(entries: Array, n: int) -> Matrices:
 def leading(M: Array, C: Array, first_order: int) -> Array:
     """Coefficient matrices (…, n, n) of the highest derivatives.
 
-    Their columns are those of M or, for the last `first_order` coordinates, which have no second derivatives,
-    of C.
+    The last `first_order` coordinates have no second derivatives. Their columns are taken from C, all other
+    columns from M.
 
     >>> leading(np.diag([2.0, 0.0]), np.diag([5.0, 3.0]), 1).tolist()
     [[2.0, 0.0], [0.0, 3.0]]
@@ -93,8 +93,8 @@ def leading(M: Array, C: Array, first_order: int) -> Array:
 
 
 def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Array, Array]:
-    """Matrices M, C and K (…, n, n) of equations in which the unknowns are rates for the last `first_order`
-    coordinates.
+    """Return M, C and K (…, n, n) of equations in which the last `first_order` unknowns are rates: the rates
+    of the coordinates replace the coordinates.
 
     For these coordinates, columns of C become columns of M, and columns of K become columns of C. λ²M + λC +
     K then has the same eigenvalues as before, and an additional zero for each of these coordinates."""
@@ -166,8 +166,8 @@ def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
 
 
 def _negligible(matrices: Sequence[Array]) -> list[Array]:
-    """Negligible changes of M, C, K and d in a common unit: 1e-9 of the size of the matrix, or the round-off
-    of the whole equation if that is larger."""
+    """Negligible changes of M, C, K and d in a common unit: 1e-9 of the size of the matrix or the round-off
+    of the whole equation, whichever is larger."""
     inertia = np.abs(np.einsum("kii->ki", matrices[0])).max(axis=0)
     unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
     scales = [unit[:, None] * unit] * 3 + [unit]

@@ -27,8 +27,8 @@ uniform azimuths, it is √2."""
 
 _FLATTENING = 0.85
 """Ratio between the logarithmic decays in the last and in the previous quarter of the harmonics, below which
-the decay counts as flattening. The ratio is 1 for geometric decay and 0.33 for decay as a power; where both
-are present, a large value is the safe side. Measured: with 0.7, the errors of kinks at 24 azimuths exceed
+the decay counts as flattening. The ratio is 1 for geometric decay and 0.33 for decay as a power; if both are
+present, a large threshold is on the safe side. Measured: with 0.7, the errors of kinks at 24 azimuths exceed
 their estimates by a factor of up to 1000."""
 
 _FEWEST_FOR_POWER = 8
@@ -131,11 +131,11 @@ class Samples:
 
     @property
     def significant(self) -> Array:
-        """Numbers (h,) of those harmonics above 0 that exceed round-off in some entry."""
+        """Numbers (h,) of the harmonics above 0 that exceed round-off in at least one entry."""
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
     def decay(self, first: float, last: float) -> float:
-        """Ratio of the amplitude of harmonic `last` to that of harmonic `first`, at most 1."""
+        """Ratio of the amplitude of harmonic `last` to the amplitude of harmonic `first`, at most 1."""
         return float(_decay(self.envelope[:, None], first, np.array([last]))[0, 0])
 
     def with_aliases(self) -> "Samples":
@@ -186,14 +186,14 @@ class Samples:
 
 
 def _decay(amplitudes: Array, first: float, last: Array) -> Array:
-    """Return the ratios (L, E) of the amplitudes of the harmonics `last` (L,) to that of harmonic `first`, at
-    most 1, from the amplitudes (h, E) of the harmonics from 0 on.
+    """Return the ratios (L, E), at most 1, of the amplitudes of the harmonics `last` (L,) to the amplitude of
+    the harmonic `first`. `amplitudes` (h, E) begin with harmonic 0.
 
     The ratio is extrapolated from the largest amplitudes in four intervals of harmonics. Amplitudes of smooth
     functions decay geometrically. If the decay of the logarithms is slower in the last interval, as for kinks
     and jumps, the amplitudes are assumed to decay as a power of the harmonic. The intervals are the quarters
     and, because a kink may be visible in the last harmonics only, the last harmonics of the quarters; the
-    slower decay counts."""
+    slower of the two decays is used."""
     most = len(amplitudes) - 1
     if most < 4:
         return np.ones((len(last), amplitudes.shape[1]))

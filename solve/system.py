@@ -159,7 +159,7 @@ class PeriodicSystem:
 
     @property
     def capabilities(self) -> Capabilities:
-        """Abilities that only some systems have. Those that this system does not have are None."""
+        """Abilities that only some systems have. An ability that this system lacks is None."""
         samples = self._matrices if isinstance(self._matrices, Samples) else None
         return Capabilities(samples=samples, input_matrix=self._inputs_at if self.inputs else None)
 
@@ -224,8 +224,8 @@ class PeriodicSystem:
         require_inertia(matrices["M"])
 
     def _require_periodicity(self, phase: Array, speed: float, symbols: str) -> None:
-        """Raise MatricesError unless M, C, K and d are periodic. symbols: mapping from these letters to the
-        symbols in messages."""
+        """Raise MatricesError unless M, C, K and d are periodic. symbols: letters for M, C, K and d, in this
+        order, in messages."""
         if jumps_at_zero(self.period, self.breaks):
             return
         ends = in_phase(self, with_neighbours(phase[:1], phase[-1:], self.period), speed)

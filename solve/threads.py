@@ -52,8 +52,8 @@ def one_thread(coordinates: int) -> Iterator[None]:
 
 @cache
 def _libraries(has_scipy: bool, has_slicot: bool) -> Any:
-    """BLAS libraries loaded by this process: that of NumPy, and those of SciPy and ctrlsys if these packages
-    are imported."""
+    """BLAS libraries loaded by this process: the library of NumPy and, if these packages are imported, the
+    libraries of SciPy and ctrlsys."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")
@@ -97,10 +97,10 @@ def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]
     them, and to release the memory of their results.
 
     CasADi releases Python's global lock, but its symbolic operations are not thread-safe (measured with
-    versions 3.7.0 and 3.8.2). With two threads, they crashed the process within 20 s. Nor is the release of a
-    function: equal constants share their memory, and a constant may be released while another thread
-    requests the same value. Without `_results`, four of six runs of 8 s crashed. The evaluation of CasADi
-    functions is thread-safe."""
+    versions 3.7.0 and 3.8.2). With two threads, they crashed the process within 20 s. The release of a
+    function is not thread-safe either: equal constants share their memory, and a constant may be released
+    while another thread requests the same value. Without `_results`, four of six runs of 8 s crashed. The
+    evaluation of CasADi functions is thread-safe."""
 
     @wraps(function)
     def alone(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Value:
@@ -118,5 +118,5 @@ def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]
 
 release: Callable[[Any], None] = _results.append
 """Release the memory of an object with CasADi functions at the next call of a function decorated by
-`symbolic`. It is called by finalisers: it waits for no lock and uses no variable of a module, because these
+`symbolic`. Finalisers call it. It waits for no lock, and it uses no module variable, because module variables
 may be None when the interpreter exits."""

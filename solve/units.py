@@ -98,7 +98,7 @@ _SAME_SPEED = 1e-9
 
 
 class GivenSpeed(float):
-    """Speed in rad/s, with the unit in which it was given; None for a number without unit."""
+    """Speed in rad/s, with the unit in which it was given. `unit` is None for a number without unit."""
 
     __slots__ = ("unit",)
     unit: ShownUnit | None
@@ -170,8 +170,8 @@ def require_size_of_number(what: str, value: float) -> None:
 
 
 def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed]:
-    """Convert speeds to rad/s. They are a number in rad/s, a string with a unit, a sequence of these, or one
-    string with several speeds, such as "1:3:3 rad/s".
+    """Convert speeds to rad/s. `speeds` is a number in rad/s, a string with a unit, a sequence of these, or
+    one string with several speeds, such as "1:3:3 rad/s".
 
     Raises UnitError, ValueOutOfBoundsError.
 

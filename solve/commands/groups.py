@@ -224,12 +224,12 @@ class SpeedOrSpeeds(Speeds, Speed):
     """Flags for one speed or several speeds, of which at most one is given."""
 
     def __post_init__(self) -> None:
-        """Raises ValueOutOfBoundsError if both are given."""
+        """Raise ValueOutOfBoundsError if both flags are given."""
         if self.speed is not None and self.speeds is not None:
             raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
 
     def given(self, model: PeriodicSystem) -> float | str:
-        """Text of several speeds, or otherwise one speed in rad/s. Raises MissingValueError."""
+        """Return the text of --speeds or, if it is absent, one speed in rad/s. Raises MissingValueError."""
         return self.omega(model) if self.speeds is None else self.speeds
 
 

@@ -117,8 +117,8 @@ def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
 
 
 def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str, Any]]:
-    """Yield at most `most` combinations of the values in `ranges`. For one name, they are in the given order;
-    for several names, they are spread over all combinations.
+    """Yield at most `most` combinations of the values in `ranges`. For one name, the values keep their order;
+    for several names, the yielded combinations are spread over all combinations.
 
     >>> list(spread({"x": [0, 1], "y": [0, 1]}, 3))
     [{'x': 0, 'y': 0}, {'x': 1, 'y': 1}, {'x': 0, 'y': 1}]

@@ -30,7 +30,7 @@ _ARGUMENTS = "Phase in rad, speed in rad/s, time derivatives, SI units; matrices
 
 
 def require_formulas(system: PeriodicSystem, what: str) -> Model:
-    """Return the system if it is a model with formulas. Otherwise, raises NoMotionError or
+    """Return the system if it is a model with formulas. Otherwise, raise NoMotionError or
     LinearModelError."""
     require_motion(system)
     linearised = isinstance(system, LinearisedModel)

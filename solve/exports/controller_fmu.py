@@ -1,7 +1,7 @@
 """Export of a controller as a functional mock-up unit (FMI 3.0, model exchange).
 
-Its inputs are the phase of the drive, and the measured quantities or the states. Its outputs are the inputs
-of the machine."""
+The inputs of the unit are the phase of the drive and the measured quantities; without an observer, the states
+take the place of the measured quantities. The outputs of the unit are the inputs of the machine."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from solve.results.controller import Controller
 def controller_fmu(result: Controller, samples: int) -> tuple[bytes, list[str]]:
     """Return the FMU, as the bytes of an archive, and warnings.
 
-    Inputs are the phase of the drive, and the measured quantities; without an observer, the states take the
+    Inputs are the phase of the drive and the measured quantities; without an observer, the states take the
     place of the measured quantities. Outputs are the inputs of the machine. States are the estimates, which
     start at 0. Matrices are interpolated linearly between `samples` phases. Raises MissingLibraryError;
     raises ValueOutOfBoundsError if two names are equal."""

@@ -37,8 +37,8 @@ _SAMPLES = 512
 """Number of phases per period at which the magnitudes of the states are sampled. Chosen by judgement."""
 
 _NOMINALS = "nominals[i] = 1;"
-"""Code that CasADi 3.8 generates for the nominal sizes of the states, and that is replaced. Tools use these
-sizes to scale errors."""
+"""Code that CasADi 3.8 generates for the nominal sizes of the states. It is replaced by computed sizes,
+because tools scale errors by them."""
 
 _ASSIGNED = "__assign__"
 """Prefix of the internal variables of CasADi."""
@@ -104,7 +104,7 @@ class Tools(NamedTuple):
 
 
 class Unit(NamedTuple):
-    """Properties of an FMU: name, description, period in s, all scalar variables, and those that are
+    """Properties of an FMU: name, description, period in s, all scalar variables, and the variables that are
     states."""
 
     name: str

@@ -190,7 +190,7 @@ class HarmonicTransfer:
 
         The state space is real: each signal is represented by its mean and the amplitudes of cos kφ and sin
         kφ, named q1_0, q1_c1, q1_s1, q1_c2, …. These amplitudes vary slowly if the signal is nearly periodic.
-        The poles are the Floquet exponents ± ikω; those of the outermost harmonics are inaccurate.
+        The poles are the Floquet exponents ± ikω; the poles of the outermost harmonics are inaccurate.
 
         Returns
         -------

@@ -80,7 +80,8 @@ class Spectra(Coefficients):
 
 
 def real_matrix(matrix: Array, rows: int, columns: int, height: int, width: int) -> Array:
-    """Convert a lifted matrix for complex harmonics to one for means and amplitudes of cosines and sines."""
+    """Convert a lifted matrix for complex harmonics to a lifted matrix for means and amplitudes of cosines
+    and sines."""
     blocks = matrix.reshape(2 * rows + 1, height, 2 * columns + 1, width)
     forward, backward = _amplitudes(rows), np.linalg.inv(_amplitudes(columns))
     converted = np.einsum("ij,jakb,kl->ialb", forward, blocks, backward, optimize=True)

@@ -121,7 +121,8 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
 def _with_signals(
     system: FirstOrderSystem, coefficients: Coefficients, phase: Array, speed: float
 ) -> Coefficients:
-    """Coefficients for the named inputs and outputs of a system. Without such names, they are unchanged."""
+    """Return the coefficients for the named inputs and outputs of a system. Without named inputs or outputs,
+    return `coefficients` unchanged."""
     if not (system.inputs or system.outputs):
         return coefficients
     _, b, B, C, D = system.equations_at(phase, speed)
@@ -157,8 +158,8 @@ class StateSpace:
         Equidistant phases from 0, without the end of the period.
     coefficients : Coefficients
         Matrices A (m, N, N), B (m, N, r), C (m, p, N), D (m, p, r). The load d (m, r) is added to the inputs.
-        The outputs for zero states and forces are y0 (m, p). The load b (m, N) is that of a first-order
-        system with inputs. SI units.
+        The outputs for zero states and forces are y0 (m, p). The load of a first-order system with inputs is
+        b (m, N). All values are in SI units.
     signals : Signals
         Names and units of states, inputs and outputs.
     """

@@ -37,13 +37,12 @@ class Body(NamedTuple):
 
 
 def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[dict[str, float], str]:
-    """Return the parameters of a body from an entry of a case file, and their source, which includes the hash
-    of the matrix file.
+    """Return the parameters that an entry of a case file defines for a body, and their source. The source
+    includes the hash of the matrix file.
 
-    The matrix file contains M, K and, if declared, C. The matrices are those of the finite-element model or
+    The matrix file contains M, K and, if declared, C. The matrices may be those of a finite-element model, or
     already reduced. In the entry, `interface` lists the rows of the interface coordinates, counted from 1. By
-    default, these are the first rows.
-    Raises CaseFileError."""
+    default, these are the first rows. Raises CaseFileError."""
     file, where = path.parent / str(entry["file"]), f"{body.name} in {path.name}"
     try:
         arrays, digest = _arrays(file, body.has_damping)

@@ -134,8 +134,8 @@ def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, 
 
 
 def _modes_a_link(module: ModuleType, value: Any) -> int:
-    """Number of modes per link, checked to be at least 1. Its upper limit depends on the elements, which are
-    counted later, at their assembly."""
+    """Number of modes per link, checked to be at least 1. Its upper limit is not checked here, because it
+    depends on the number of elements, which is known only after their assembly."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
             f"'reduce' requires a beam structure, but {module.NAME} is not one; omit 'reduce'"

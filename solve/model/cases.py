@@ -70,7 +70,7 @@ class Case:
         units: Mapping[str, str] = MappingProxyType({}),
         spreads: Mapping[str, str] = MappingProxyType({}),
     ) -> "Case":
-        """Case with some values replaced, and further fits and sources.
+        """Return the case with some parameters replaced, and with further fits, sources, units and spreads.
 
         A series with a replaced parameter no longer counts as fitted. A replaced parameter loses its source
         and its distribution, unless new ones are given. It keeps the unit stated in the file, and its
@@ -100,12 +100,12 @@ def chosen_case(
     required: bool = True,
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Case:
-    """Case with a value for every declared parameter, read from a file; without `case`, the first case of the
+    """Read a case with a value for every declared parameter from a file; by default, the first case of the
     file. Values in `replaced` take precedence.
 
-    path: None for a model in memory. required: whether the file must exist; if it need not, a missing file
-    results in a case without name and values. otherwise: default values of parameters. Raises
-    UnknownNameError, CaseFileError and MissingValueError."""
+    path: None for a model in memory. required: whether the file must exist; if False, a missing file results
+    in a case without a name and values. otherwise: default values of parameters. Raises UnknownNameError,
+    CaseFileError and MissingValueError."""
     declared = {name: unit for name, unit, *_ in module.PARAMETERS}
     functions = functions_of(module)
     cases = read_cases(path, declared, functions) if path and (required or path.is_file()) else None
@@ -136,8 +136,8 @@ def chosen_case(
 
 
 def functions_of(module: ModuleType) -> dict[str, Series | Body]:
-    """Mapping from names to declared series and elastic bodies. A case may take the parameters of these from
-    files."""
+    """Mapping from names to declared series and elastic bodies. A case may take the parameters of a series or
+    body from a file."""
     bodies = [Body(*row) for row in getattr(module, "BODIES", ())]
     return {**series_of(getattr(module, "SERIES", ())), **{body.name: body for body in bodies}}
 

@@ -26,8 +26,9 @@ a jump is sought. For a parabola, the ratio is at most 1, because its changes fo
 """
 
 _JUMP = 1e-2
-"""Change remaining after the bisections, relative to the total variation, above which it counts as a jump.
-Chosen by judgement: a continuous flank with a width of 1e-9 of the period leaves a hundredth of this change.
+"""Threshold for a jump: the change that remains after the bisections, relative to the total variation. Chosen
+by judgement: after the bisections of a continuous flank with a width of 1e-9 of the period, less than a
+hundredth of the threshold remains.
 """
 
 
@@ -53,8 +54,8 @@ def require_valid(system: PeriodicSystem, speed: float) -> None:
 def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
     """Whether the matrices are certain to pass `require_valid` at every speed.
 
-    The conditions are polynomials in the speed with periodic coefficients, and a positive definite M that
-    does not depend on the speed."""
+    This is the case if the entries are polynomials in the speed with periodic coefficients, and M is positive
+    definite and does not depend on the speed."""
     phase = _check_phases(system)
     terms = sampler.terms(with_neighbours(phase, phase + system.period, system.period))
     if terms is None:

@@ -169,10 +169,10 @@ class GeneratedDependence(Dependence):
         names: Sequence[str],
         compiled: Columns | None = None,
     ):
-        """Store the derivatives for the quantities θ.
+        """Store the derivatives with respect to the quantities θ.
 
-        names: names of θ; `slopes` must contain all of them. compiled: evaluation by compiled code, if
-        available."""
+        names: names of the quantities θ; `slopes` must contain all of these names. compiled: evaluation by
+        compiled code, if available."""
         self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
         self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
@@ -338,8 +338,8 @@ class AssembledDependence(Dependence):
         """Interpolants, as functions of the phase, of the derivatives of d and of the entries of Ω²M, ΩC and
         K, row by row.
 
-        Each is paired with a less accurate one for error estimates. All grids use the interpolants, because a
-        varied system takes longer to assemble than to sample."""
+        Each interpolant is paired with a less accurate interpolant for error estimates. All grids use the
+        interpolants, because a varied system takes longer to assemble than to sample."""
         if (name, speed) not in self._interpolants:
             n, moved = self._system.n, cache(self._moved(name, speed))
 

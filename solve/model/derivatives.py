@@ -137,8 +137,8 @@ class ModelDerivatives:
         return DampedSampler(setup.function("linearised"), setup.p, setup.ratios).damping(phase)
 
     def _has_smooth_breaks(self, name: str) -> bool:
-        """Whether the phases of the breaks, and the equations there, are differentiable with respect to a
-        parameter."""
+        """Whether the phases of the breaks, and the equations at the breaks, are differentiable with respect
+        to a parameter."""
         slopes = self._of_break(name)
         return slopes is not None and not (self._assembled and slopes.any())
 

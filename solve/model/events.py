@@ -103,10 +103,10 @@ class EventFinder:
         return Events(_ascending(phases, same), _ascending(grazing, same), tuple(map(tuple, sides.tolist())))
 
     def normals(self, motion: Motion, speed: float, phase: Array) -> Array:
-        """Derivatives (k, 2 + 2n + p) of switching functions at phases (k,) of a motion. They are with
-        respect to the phase, q, q' = dq/dφ, the speed and the parameters.
+        """Derivatives (k, 2 + 2n + p) of switching functions at phases (k,) of a motion. The derivatives are
+        with respect to the phase, q, q' = dq/dφ, the speed and the parameters.
 
-        At each phase, the switching function that is nearest to zero there is differentiated."""
+        At each phase, only the switching function nearest to zero is differentiated."""
         period, n = float(motion.nodes[-1]), len(motion(phase[:1]))
         ranges = np.ptp(self._values(motion, speed, uniform_phases(_MIN_SAMPLES, period)), axis=0)
         relative = np.abs(self._values(motion, speed, phase)) / np.where(ranges > 0, ranges, np.inf)

@@ -88,8 +88,8 @@ class ModelIntegrator:
         return np.stack((q, v, a))
 
     def _smooth_pieces(self, first: float, last: float, start: float) -> list[tuple[float, ...]]:
-        """Ends of the intervals between breaks, as values of the independent variable, and the phases just
-        inside these ends."""
+        """Intervals between breaks. Each row contains the two ends of an interval, as values of the
+        independent variable, and the phases just inside these ends."""
         phases = np.unique(np.mod(np.subtract(self._breaks, start), self._period))
         phases = np.array([0.0, *phases, self._period])
         phases = phases[np.append(np.diff(phases) > 4 * SAME_PHASE * self._period, True)]
@@ -105,8 +105,8 @@ class ModelIntegrator:
     def _integrate(
         self, x: Array, ends: tuple[float, float], drive: tuple[float, ...], states: Array
     ) -> Array:
-        """Integrate the scaled state x (2n,) over an interval without breaks, set the columns of `states`
-        that belong to its nodes, and return the state at its end."""
+        """Integrate the scaled state x (2n,) over an interval without breaks. Set the columns of `states`
+        that belong to the nodes in the interval, and return the state at the end of the interval."""
         begin, end = ends
         same, step = SAME_PHASE * self._period, self.nodes[1]
         low, high = np.searchsorted(self.nodes, [begin - same, end + same])

@@ -175,7 +175,7 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def _check(self, speed: float) -> None:
-        """Check what is checked for any system; also that the fundamental motion exists, that generated
+        """Perform the checks of every system. Also check that the fundamental motion exists, that generated
         matrices jump only at breaks, and that M is positive definite. Raises DesiredMotionError,
         MatricesError."""
         require_desired_motion(shown_in(self, speed), np.array([speed]))

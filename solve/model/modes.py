@@ -16,12 +16,12 @@ _SHIFT = 1e-6
 """Shift of ω² for singular K, relative to the mean ω². Chosen by judgement."""
 
 _RIGID = 1e-13
-"""Value of ω², relative to the largest K_ii/M_ii, below which it counts as the round-off of a rigid-body
+"""Value of ω², relative to the largest K_ii/M_ii, below which ω² counts as the round-off of a rigid-body
 mode. Chosen by judgement."""
 
 _ASYMMETRY = 1e-10
-"""Asymmetry of the scaled K, or modulus of its negative eigenvalues, relative to its largest entry, up to
-which it counts as round-off. Chosen by judgement."""
+"""Threshold for round-off in the scaled K, relative to the largest entry of K. It applies to the asymmetry of
+K and to the moduli of the negative eigenvalues. Chosen by judgement."""
 
 
 class Modes(NamedTuple):
@@ -92,8 +92,8 @@ def _frequencies(values: Array, shift: Array, rest: Array) -> Array:
 
 
 def _shifts(M: Array, K: Array) -> Array:
-    """Shift of ω² (m,). It is zero for all positions unless some K is singular within round-off, and then
-    positive for all."""
+    """Shift of ω² (m,). If the K of any position is singular within round-off, the shift is positive for all
+    positions; otherwise, it is zero for all positions."""
     try:
         pivots = np.einsum("mii->mi", np.linalg.cholesky(K)) ** 2
         singular = (pivots < ROUND_OFF * np.einsum("mii->mi", K)).any()

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import casadi
 
 _CHUNK = 64
-"""Number of phases per evaluation. Chosen by judgement: large enough to make the overhead of a call
-negligible; small enough for few phases, because even these take as long as a whole chunk."""
+"""Number of phases per evaluation. Chosen by judgement: large enough that the overhead of a call is
+negligible, and not larger, because even a few phases take as long as a whole chunk."""
 
 _MAX_DEGREE = 4
 """Maximum degree of polynomials in the speed. Chosen by judgement."""
@@ -30,7 +30,7 @@ class Sampler:
     """Evaluation of a CasADi function with NumPy arrays, for many columns of inputs, in chunks. Calls are
     thread-safe.
 
-    shared: number of inputs, at the end of the list of inputs, that are the same for all columns."""
+    shared: number of inputs that are the same for all columns; these are the last inputs."""
 
     @symbolic
     def __init__(self, function: "casadi.Function", shared: int = 0):

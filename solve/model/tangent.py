@@ -15,8 +15,8 @@ from solve.model.setup import Setup
 
 @dataclass(frozen=True)
 class Tangent:
-    """Linearisation of the n nonlinear equations of a setup about given states. `damping` returns the
-    matrices (k, n, n) of modal damping at phases (k,); it is None if there is none."""
+    """Linearisation of the n nonlinear equations of a setup about given states. `damping` is a function that
+    returns the matrices (k, n, n) of modal damping at phases (k,); None without modal damping."""
 
     setup: Setup
     n: int

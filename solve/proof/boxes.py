@@ -52,7 +52,7 @@ _PRECISION = 53
 
 
 class _Piece(NamedTuple):
-    """Box with k functions on it: polynomial coefficients (k, p+1, q+1) and error bounds (k,). conservative:
+    """Box with polynomials for k functions: coefficients (k, p+1, q+1) and error bounds (k,). conservative:
     whether det Φ = 1."""
 
     box: Box
@@ -100,8 +100,8 @@ def _central(whole: Box) -> Box:
 
 
 def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box]]:
-    """Return boxes with polynomials, and undecided boxes without polynomials. The equations are not analytic
-    near the latter."""
+    """Return boxes with polynomials, and undecided boxes without polynomials. Near an undecided box, the
+    equations are not analytic."""
     found, without, pending = [], [], [whole]
     while pending:
         box = pending.pop()

@@ -62,7 +62,7 @@ _OF_FUNCTIONS = "the matrices are defined by the operations of the given functio
 _OF_SAMPLES = "the matrices are the interpolant of the samples, with coefficients in double precision"
 
 _DENOMINATORS = range(1, 13)
-"""Values of q. A period within two units in the last place of kπ/q counts as exactly kπ/q."""
+"""Denominators q. A period within two units in the last place of kπ/q counts as exactly kπ/q."""
 
 
 def enclosed(

@@ -54,8 +54,8 @@ def enclosed_orbit(
     rounded: bool,
     executor: Executor | None = None,
 ) -> Proof:
-    """Prove results for a nonlinear orbit; `system` is linearised about it. executor: executor that computes
-    steps in parallel."""
+    """Prove results for a nonlinear orbit. `system` is the system linearised about the orbit. executor:
+    executor that computes steps in parallel."""
     begun = time.process_time()
     bits, most = math.ceil(min(digits, MOST_DIGITS) * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE
     marching = Marching(*(ROUNDED if rounded else (bits, most)), executor=executor)

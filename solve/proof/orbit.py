@@ -66,9 +66,10 @@ def maximum(
 ) -> tuple[Ball, Ball]:
     """Return a lower and an upper bound on the maximum of several functions of τ over 0 ≤ τ ≤ 1.
 
-    bounds: for each function, a lower bound on its maximum and an upper bound, over an interval of τ. The
-    interval with the largest upper bound is halved until this bound is close to the largest lower bound, or
-    `cells` intervals are halved. Bounds are rounded up to doubles, so that they can be sorted exactly."""
+    bounds: for each function, a callable that returns a lower and an upper bound on the maximum of the
+    function over an interval of τ. The interval with the largest upper bound is halved until this bound is
+    close to the largest lower bound, or `cells` intervals are halved. Bounds are rounded up to doubles, so
+    that they can be sorted exactly."""
     low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(bounds))]
     for _ in range(cells):
         bound, at, start, end = heap[0]
@@ -85,7 +86,7 @@ def maximum(
 
 def _on(piece: tuple[list[Ball], Ball], start: float, end: float) -> tuple[Ball, Ball]:
     """Return a lower bound on |p| at the middle of an interval, and an upper bound on |p| over the interval.
-    The latter uses the second-order mean-value form."""
+    The upper bound is computed by the second-order mean-value form."""
     coefficients, error = piece
     middle, half = (arb(start) + arb(end)) / 2, (arb(end) - arb(start)) / 2
     value, slope, curvature = derivatives_on(coefficients, middle, arb(start).union(arb(end)))

@@ -303,8 +303,8 @@ def _error(size: Ball, ratios: Sequence[float], counts: Sequence[int]) -> Ball:
 
 
 def _rectangle(side: tuple[float, float], ratio: float) -> Ball:
-    """Complex ball that contains the ellipse around an interval; `ratio` is the sum of its semi-axes relative
-    to half of the interval."""
+    """Complex ball that contains the ellipse around an interval; `ratio` is the sum of the semi-axes of the
+    ellipse, relative to half of the interval."""
     low, high = map(arb, side)
     half, inverse = (high - low) / 2, 1 / arb(ratio)
     along, across = (half * (ratio + inverse) / 2).upper(), (half * (ratio - inverse) / 2).upper()
@@ -314,7 +314,7 @@ def _rectangle(side: tuple[float, float], ratio: float) -> Ball:
 
 def _bounds(real: Equation, ellipse: Equation, period: Ball, breaks: Sequence[float]) -> list[Ball]:
     """Bounds on the moduli of the functions for complex values of the two quantities. For one coordinate, the
-    functions are the trace and the determinant of Φ; otherwise, its entries."""
+    functions are the trace and the determinant of Φ; otherwise, they are the entries of Φ."""
     size = 2 * real.n
     growth, trace, pending = arb(0), arb(0), list(_panels(real, period, breaks))
     while pending:

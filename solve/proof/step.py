@@ -29,7 +29,7 @@ _PARTS, _SHORTEST_PART = 4, 2.0**-6
 of the step, below which it is not halved. Chosen by judgement."""
 
 _MOST_TERMS = 8
-"""Largest ratio between the number of terms of the solution and that of the coefficients. Chosen by
+"""Largest ratio of the number of terms of the solution to the number of terms of the coefficients. Chosen by
 judgement: convergent Taylor series of solutions require a ratio of up to three."""
 
 BOUNDS = 64
@@ -44,8 +44,8 @@ class StepTooLongError(Exception):
 class Step:
     """Enclosure of the solution on a step.
 
-    map: matrix (2n+1, 2n+1) that maps y and the unit load at the start of the step to those at its end.
-    terms: exact coefficients (2n, 2n+1) of τ^k. error: bound on the error of the polynomial at every τ.
+    map: matrix (2n+1, 2n+1) that maps y and the unit load at the start of the step to their values at its
+    end. terms: exact coefficients (2n, 2n+1) of τ^k. error: bound on the error of the polynomial at every τ.
     advance: bound on h‖A‖. inverse: bound on max(1, ‖m⁻¹‖). load: for each row of h r_d, the coefficients of
     the powers of τ and an error bound; r_d is the last column of r."""
 

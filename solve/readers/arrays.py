@@ -1,4 +1,5 @@
-"""Systems from arrays over the azimuth, identified by name: M, C, K and d, or A, B, C, D and b."""
+"""Systems from named arrays over the azimuth: M, C, K and d for a second-order system; A, B, C, D and b for a
+first-order system."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -24,9 +24,9 @@ _FEWEST_AZIMUTHS, _MOST_AZIMUTHS = 64, 4096
 """Smallest and largest number of azimuths. Chosen by judgement."""
 
 _NEGLIGIBLE = 1e-9
-"""Size of derivatives, relative to the largest derivative, up to which they count as the error of the motion:
-for the upper quarter of the harmonics, and for the coupling of an excluded state with a remaining one. Chosen
-by judgement: it is several times the error of the motion."""
+"""Threshold for negligible derivatives, relative to the largest derivative. It applies to the upper quarter
+of the harmonics, and to the coupling of an excluded state with a remaining one. Chosen by judgement: it is
+several times the error of the motion."""
 
 
 @matches_annotations
@@ -61,8 +61,8 @@ def read_fmu(
     period : float
         Period in phase.
     drive : str, optional
-        Variable of the FMU that is set to the speed in rad/s. If it is a state, which must have a prescribed
-        motion, its start value is set; otherwise, it is a parameter.
+        Variable of the FMU that is set to the speed in rad/s: a parameter, or a state with a prescribed
+        motion. For a state, the start value is set.
 
     Returns
     -------

@@ -130,7 +130,7 @@ def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
         File (.op4), text or binary, dense or sparse. It contains the mass and stiffness matrices of one set
         of coordinates, such as MAA and KAA, or M and K. For viscous damping, it also contains BAA or CAA.
     speed : float or str, optional
-        Speed in rad/s or with unit, used for results if they do not state one.
+        Default speed of results, in rad/s or with unit.
 
     Returns
     -------

@@ -33,9 +33,9 @@ def read(
 ) -> PeriodicSystem:
     """Read a system from a path or pattern.
 
-    options: options of the reader. parameters: variables of an FMU or arguments of a Python function; options
-    are also accepted here. others: arguments that apply only to models, and must be None. Raises subclasses
-    of SolveError."""
+    options: options of the reader. parameters: variables of an FMU or arguments of a Python function. Options
+    of the reader are accepted in `parameters`, too. others: arguments that apply only to models, and must be
+    None. Raises subclasses of SolveError."""
     ending = Path(text).suffix.lower()
     allowed = _OPTIONS.get(ending, ())
     options = {**options, **{name: value for name, value in parameters.items() if name in allowed}}
@@ -60,8 +60,8 @@ def read(
 
 
 _ABSENT = {".lin": "parameters or cases", ".fmu": "cases", ".py": "cases or options"}
-"""Mapping from endings to a string that names the arguments that do not apply. For files of matrices, none
-apply."""
+"""Mapping from endings to a string that names the arguments that do not apply. To files of matrices, neither
+parameters nor cases nor options apply."""
 
 
 def _numbers(text: str, parameters: Mapping[str, float | str]) -> dict[str, float]:

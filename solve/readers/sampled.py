@@ -49,13 +49,14 @@ class Source:
 
 class OfSource:
     """Mixin for systems with a source. It adds the labels of the source, and a warning at speeds that differ
-    from that of the source."""
+    from the speed of the source."""
 
     source: Source
     labels: Labels
 
     def of_source(self, source: Source) -> None:
-        """Set the labels of the source, and return the system."""
+        """Store the source, and set the labels of the system from it. Raises FileError for an invalid
+        speed."""
         if source.speed is not None and not (np.isfinite(source.speed) and source.speed > 0):
             raise FileError(f"{source.name}: speed is {source.speed:g} rad/s; allowed: a finite speed > 0")
         self.source = source

@@ -31,7 +31,7 @@ Motion = Callable[[Array], Array]
 
 
 def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
-    """Find, by Newton's method, a motion of which the states with indices `kept` (k,) are periodic.
+    """Find, by Newton's method, a motion in which the states with the indices `kept` (k,) are periodic.
 
     The other states start from their start values. Raises FileError if the motion cannot be integrated, is
     not isolated, or is not found."""

@@ -17,7 +17,7 @@ from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppres
 from typing import Any, NoReturn, TypeGuard
 
 REFUSED, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
-"""Exit statuses; that of an interrupted process is 128 + SIGINT."""
+"""Exit statuses. The status of an interrupted process is 128 + SIGINT."""
 
 _MAX_MESSAGE = 900
 """Largest number of characters of a message. Arguments quoted in a message may be much longer."""
@@ -32,7 +32,7 @@ _REPEAT_INTERVAL = 0.3
 """Seconds between repetitions of an interruption."""
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
-"""Pattern of control characters except tab and line feed, which a terminal would execute (ECMA-48). It also
+"""Pattern of control characters, which a terminal would execute (ECMA-48). It excludes tab and line feed. It
 includes characters that set the direction of text or end lines, because they change how text is displayed
 (Unicode Standard Annex 9)."""
 

@@ -22,7 +22,7 @@ the elapsed time, up to this limit. Chosen by judgement."""
 
 
 class Task:
-    """Task that consists of `total` parts; None if the number of parts is unknown.
+    """Task that consists of `total` parts; `total` is None if the number of parts is unknown.
 
     even: whether the parts take about equal times, so that the remaining time can be extrapolated."""
 
@@ -59,7 +59,7 @@ class Task:
 
 
 class Status(NamedTuple):
-    """Progress as text, and completed fraction; None if the fraction is unknown."""
+    """Progress as text, and completed fraction. `fraction` is None if it is unknown."""
 
     text: str
     fraction: float | None
@@ -154,8 +154,8 @@ def steps(total: int) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def task(what: str, total: float | None = None, even: bool = True) -> Iterator[Task]:
-    """Context manager for a task of `total` parts, named for example "speeds"; None if the number of parts is
-    unknown. even: whether the parts take about equal times."""
+    """Context manager for a task of `total` parts; `total` is None if the number of parts is unknown. `what`
+    names the parts, for example "speeds". even: whether the parts take about equal times."""
     tracker = _tracker.get()
     if tracker is None:
         yield Task(what, total, even, lambda: None)
