@@ -93,7 +93,7 @@ def _nc_arrays(file: Path) -> dict[str, Any]:
 
 
 _NETCDF_UNITS = {"phase": "rad", "phase_period": "rad", "speed": "rad/s"}
-"""Mapping from variables to the unit in which they are read."""
+"""Mapping from variables to the units in which they are read."""
 
 
 def _require_unit(name: str, attribute: Any) -> None:

@@ -127,8 +127,8 @@ class Dependence(Protocol):
 
     @property
     def less_accurate(self) -> "Dependence":
-        """Object with derivatives by finite differences of lower order, for error estimates. If the
-        derivatives are exact, it is the same object."""
+        """Derivatives by finite differences of lower order, for error estimates. If the derivatives are
+        exact, the object itself is returned."""
         return self
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
@@ -268,8 +268,8 @@ class Events(NamedTuple):
     """Phases in rad at which a motion passes switches of the equations, such as stops, and phases at which it
     grazes a switch.
 
-    sides: for each switch, the signs of the smallest and the largest value of its switching function. They
-    show on which sides of the switch the motion lies."""
+    sides: for each switch, the signs of the smallest and the largest value of its switching function. These
+    signs show on which sides of the switch the motion lies."""
 
     phases: tuple[float, ...] = ()
     grazing: tuple[float, ...] = ()

@@ -164,8 +164,8 @@ class ResultKindError(FileError):
 
 
 class ReopenedError(SolveError):
-    """Raised if a calculation requires the equations of a result that was read from a file. The file does not
-    contain them."""
+    """Raised if a calculation requires the equations of a result that was read from a file. Files do not
+    contain equations."""
 
 
 def cause(error: Exception) -> str:

@@ -134,8 +134,9 @@ def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
 
 
 def speed_or_usual(system: Labelled, speed: float | str | None) -> float:
-    """Convert a speed, a number in rad/s or a string with a unit, to rad/s. By default, it is the speed of
-    the case. Raises MissingValueError if there is neither, UnitError, ValueOutOfBoundsError."""
+    """Convert a speed, a number in rad/s or a string with a unit, to rad/s. If `speed` is None, the speed of
+    the case is used. Raises UnitError and ValueOutOfBoundsError, and MissingValueError if the case has no
+    speed."""
     labels = system.labels
     chosen = labels.case_speed if speed is None else speed
     if chosen is None:

@@ -37,8 +37,8 @@ def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]
 
 
 def finite_phases(phase: Any) -> Array:
-    """Return phases (k,) from a number or a sequence. Raises ValueOutOfBoundsError unless they are finite, in
-    one dimension."""
+    """Return phases (k,) from a number or a sequence. Raises ValueOutOfBoundsError unless the phases are
+    finite and one-dimensional."""
     phases = np.atleast_1d(np.asarray(phase, dtype=float))
     if phases.ndim > 1:
         raise ValueOutOfBoundsError(

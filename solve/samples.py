@@ -13,12 +13,12 @@ from solve.errors import MatricesError, ValueOutOfBoundsError, counted
 from solve.matrices import real_arrays
 
 _SAME_AZIMUTH = 1e-9
-"""Distance between two azimuths, as a fraction of the period, below which they count as equal. Chosen by
-judgement."""
+"""Distance between two azimuths, as a fraction of the period, below which the azimuths count as equal. Chosen
+by judgement."""
 
 _MOST_PERIODS = 20
-"""Range of azimuths, in periods, above which they are assumed to be in degrees. A revolution in degrees would
-be 57 periods of 2π. Chosen by judgement."""
+"""Range of azimuths, in periods, above which the azimuths are assumed to be in degrees. A revolution in
+degrees would be 57 periods of 2π. Chosen by judgement."""
 
 _MAX_CONDITION = 30.0
 """Condition number of the fit of a series to nonuniform azimuths above which fewer harmonics are fitted.
@@ -36,8 +36,8 @@ _FEWEST_FOR_POWER = 8
 quarter has two harmonics."""
 
 _SIGNIFICANT = 64 * EPS
-"""Amplitude of a harmonic, relative to the largest amplitude in the same matrix, up to which it counts as
-round-off. Chosen by judgement: about ten operations have this round-off."""
+"""Amplitude of a harmonic, relative to the largest amplitude in the same matrix, up to which the harmonic
+counts as round-off. Chosen by judgement: about ten operations have this round-off."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Samples:
         """Samples at azimuths that are uniform from 0, or at other azimuths `phases` (k,).
 
         Raises MatricesError if the arrays have different numbers of azimuths, if azimuths coincide, if there
-        are fewer than three, or if a gap between them is half of the period or longer."""
+        are fewer than three azimuths, or if a gap between azimuths is half of the period or longer."""
         counts = {len(array) if array.ndim else 0 for array in arrays}
         if len(counts) != 1 or 0 in counts:
             raise MatricesError(
@@ -139,9 +139,9 @@ class Samples:
         return float(_decay(self.envelope[:, None], first, np.array([last]))[0, 0])
 
     def with_aliases(self) -> "Samples":
-        """Samples to which the estimated amplitudes of the missing harmonics are added at the harmonics to
-        which they alias: harmonic k - h of k azimuths aliases to harmonic h. The amplitudes are extrapolated
-        from the last quarter of the harmonics of each entry."""
+        """Return samples to which the aliases of the missing harmonics are added: for k azimuths, the missing
+        harmonic k - h aliases to harmonic h. The amplitudes of the missing harmonics are extrapolated from
+        the last quarter of the harmonics of each entry."""
         most, count = len(self.envelope) - 1, len(self.arrays[0])
         aliased = np.arange(self.resolved + 1)
         waves = np.cos(np.outer(np.arange(count), aliased) * (2 * math.pi / count))

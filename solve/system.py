@@ -265,16 +265,15 @@ def relabelled(system: System, **labels: Any) -> System:
 def built_by(
     system: System, builder: Callable[[Mapping[str, float]], Any], parameters: Mapping[str, float]
 ) -> System:
-    """Copy of a system, with the values of its parameters and the function that builds the system from such
-    values."""
+    """Copy of a system that stores the values of its parameters, and the function that builds the system from
+    values of its parameters."""
     built = relabelled(system, parameters=dict(parameters))
     built._builder = builder
     return built
 
 
 def shown_in(system: System, speed: float) -> System:
-    """Copy of a system that displays speeds in the unit in which `speed` was given, if it was given with a
-    unit."""
+    """Copy of a system that displays speeds in the unit of `speed`, if `speed` was given with a unit."""
     unit = unit_given(speed, system.labels.speed_unit)
     if unit == system.labels.speed_unit:
         return system
@@ -304,8 +303,8 @@ def in_phase(system: PeriodicSystem, phase: Array, speed: float) -> Matrices:
 
 
 def check(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is regular. If
-    the system is a model, its matrices must also pass the checks that apply to generated matrices."""
+    """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is regular.
+    The matrices of a model must also pass the checks of generated matrices."""
     system._check(speed)
 
 

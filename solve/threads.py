@@ -63,8 +63,8 @@ def interruptible(work: Callable[[], Value]) -> Value:
     """Return the result of `work`. It runs in a separate thread while the current thread waits, so that an
     interruption takes effect before a long LAPACK call returns.
 
-    After an interruption, the call continues in the background. A regular exit of the process waits for this
-    call, because the libraries that it uses must not be unloaded earlier."""
+    After an interruption, the call continues in the background. A regular exit of the process waits for the
+    end of this call, because the libraries in use must not be unloaded earlier."""
     done: Future[Value] = Future()
     context = copy_context()
 
@@ -94,7 +94,7 @@ _UNUSED = 2
 
 def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]:
     """Decorator for functions that build CasADi expressions. It permits only one thread at a time to run
-    them, and to release the memory of their results.
+    these functions, and to release the memory of their results.
 
     CasADi releases Python's global lock, but its symbolic operations are not thread-safe (measured with
     versions 3.7.0 and 3.8.2). With two threads, they crashed the process within 20 s. The release of a

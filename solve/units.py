@@ -65,7 +65,7 @@ class ShownUnit(NamedTuple):
         return f"{self.from_si(value):{form}} {self.name}".removesuffix(" 1").rstrip()
 
     def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
-        """Text of a range between two numbers in SI units, with enough digits to distinguish them.
+        """Text of a range between two numbers in SI units, with enough digits to distinguish the two numbers.
 
         >>> RPM.span(math.pi, 2 * math.pi), RPM.span(math.pi, 1.00001 * math.pi)
         ('30 to 60 rpm', '30 to 30.0003 rpm')
@@ -140,7 +140,7 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
 
 
 def _in_si(speed: float | str, zero: bool) -> GivenSpeed:
-    """Result of `speed_in_si`. It is cached for strings."""
+    """Result of `speed_in_si`. Results for strings are cached."""
     unit = getattr(speed, "unit", None)
     try:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)

@@ -37,8 +37,8 @@ _SAMPLES = 512
 """Number of phases per period at which the magnitudes of the states are sampled. Chosen by judgement."""
 
 _NOMINALS = "nominals[i] = 1;"
-"""Code that CasADi 3.8 generates for the nominal sizes of the states. It is replaced by computed sizes,
-because tools scale errors by them."""
+"""Code that CasADi 3.8 generates for the nominal sizes of the states. This code is replaced by computed
+sizes, because tools scale errors by the nominal sizes."""
 
 _ASSIGNED = "__assign__"
 """Prefix of the internal variables of CasADi."""
@@ -75,7 +75,7 @@ def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
 
     States are the phase and the speed of the drive, the coordinates and their rates. They start on the
     periodic orbit of the nonlinear equations at the speed (rad/s). Inputs are the acceleration of the drive
-    and a force along each coordinate; they are 0 if they are not connected. Parameters are tunable. The
+    and a force along each coordinate; an input that is not connected is 0. Parameters are tunable. The
     archive contains the C code and a library for this machine. Jumps of the matrices are events; their phases
     do not follow changes of the parameters.
 

@@ -119,7 +119,7 @@ class HarmonicTransfer:
     @property
     def rest(self) -> Array:
         """Fourier coefficients (2N+1, p) of the outputs for zero states and forces. For a first-order system
-        with inputs, they are those of its outputs for zero inputs."""
+        with inputs, they are the coefficients of its outputs for zero inputs."""
         return self._truncated(self._spectra.y0) + self._spectra.free_response(
             2 * self.orders, self.harmonics, self.rotation
         )

@@ -237,7 +237,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     StateSpace
         State space whose inputs are forces along the coordinates. Its outputs are the coordinates and, for
         models with formulas, the outputs linearised about q = 0. For a `FirstOrderSystem` with named inputs
-        and outputs, these are used instead.
+        and outputs, the named inputs and outputs are used instead.
 
     Raises
     ------
@@ -269,7 +269,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:
-    """Phases (k,), moved to just after a jump of the matrices if they are at the jump."""
+    """Return the phases (k,). A phase at a jump of the matrices is moved to just after the jump."""
     period, inset = system.period, SAME_PHASE * system.period
     distance = np.remainder(phase[:, None] - np.array(system.breaks) + period / 2, period) - period / 2
     return phase + 2 * inset * (np.abs(distance) <= inset).any(axis=1)

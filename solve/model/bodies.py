@@ -14,8 +14,8 @@ from solve.model.craig_bampton import CraigBampton, craig_bampton
 from solve.units import conversion
 
 _ASYMMETRY = 1e-6
-"""Difference between a matrix and its transpose, relative to the largest entry of the matrix, up to which it
-counts as round-off in the digits of a file. Chosen by judgement."""
+"""Difference between a matrix and its transpose, relative to the largest entry of the matrix, up to which the
+difference counts as round-off in the digits of a file. Chosen by judgement."""
 
 EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
 
@@ -40,7 +40,7 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
     """Return the parameters that an entry of a case file defines for a body, and their source. The source
     includes the hash of the matrix file.
 
-    The matrix file contains M, K and, if declared, C. The matrices may be those of a finite-element model, or
+    The matrix file contains M, K and, if declared, C. The matrices may be full finite-element matrices or
     already reduced. In the entry, `interface` lists the rows of the interface coordinates, counted from 1. By
     default, these are the first rows. Raises CaseFileError."""
     file, where = path.parent / str(entry["file"]), f"{body.name} in {path.name}"

@@ -110,8 +110,8 @@ def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
 
 
 REDUCE = "reduce"
-"""Name of an option of every beam structure: the number of modes retained per link. The options contain it
-only if it is given."""
+"""Name of an option of every beam structure: the number of modes retained per link. The options contain this
+name only if the user states the number."""
 
 
 def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -163,8 +163,8 @@ def _lowest(M: Array, K: Array, modes: int) -> tuple[Array, Array]:
     """Return the squared frequencies ω² of the lowest modes and of the next mode, and the shapes of the
     lowest modes with ΦᵀMΦ = I.
 
-    The computed eigenvalues are 1/ω², those of the pencil M − (1/ω²) K. Low frequencies then remain accurate
-    for any stiffness of the highest modes."""
+    The eigenvalues 1/ω² of the pencil M − (1/ω²) K are computed. Low frequencies then remain accurate for any
+    stiffness of the highest modes."""
     from scipy.linalg import eigh
 
     i = len(K)

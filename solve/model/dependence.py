@@ -90,8 +90,8 @@ class GeneratedSlopes:
     They are computed by automatic differentiation in CasADi (J. A. E. Andersson et al., Math. Program.
     Comput. 11 (2019) 1-36).
 
-    Functions are built at their first use. nonlinear: whether the nonlinear equations are differentiated. If
-    not, the equations are those linearised about the fundamental motion."""
+    Functions are built at their first use. nonlinear: whether the nonlinear equations are differentiated.
+    Otherwise, the equations linearised about the fundamental motion are differentiated."""
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):
         self._setup, self._n, self.names, self.nonlinear = setup, n, tuple(names), nonlinear

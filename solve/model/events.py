@@ -30,8 +30,8 @@ evaluated. Two events of one switch between neighbouring phases are not found; t
 Chosen by judgement."""
 
 _GRAZING = 1e-3
-"""Threshold for grazing: modulus of a switching function, relative to its range over the period. It is
-compared with the largest modulus between two events or, without events, with the modulus at an extremum.
+"""Threshold for grazing: modulus of a switching function, relative to its range over the period. The
+threshold applies to the largest modulus between two events or, without events, to the modulus at an extremum.
 Chosen by judgement."""
 
 _REST = 1e-13
@@ -42,8 +42,8 @@ and its changes as round-off."""
 @lru_cache(MAX_CACHED)
 @symbolic
 def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function | None":
-    """Function that returns the s switching functions of a generated residual and has the same inputs; None
-    if there are no switches."""
+    """Function that returns the s switching functions of a generated residual. Its inputs are the inputs of
+    the residual. None if there are no switches."""
     import casadi
 
     residual, names = module.residual(**dict(options)), operation_names()

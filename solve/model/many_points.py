@@ -36,7 +36,7 @@ class ModelPoints:
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
         """Entries (P, k, 3n² + n) of Ω²M, ΩC and K in row order, and of d, at phases (k,).
 
-        They are NaN at points where the parameters or the motion are not permitted. by_time: values of the
+        Entries are NaN at points where the parameters or the motion are not permitted. by_time: values of the
         formulas, if already computed; this array may be overwritten."""
         P, k, n = len(speeds), len(phase), self._n
         phases, parameters = np.tile(phase, P), np.repeat(values, k, axis=0)

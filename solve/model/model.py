@@ -121,8 +121,8 @@ class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
 
     @property
     def parameters(self) -> Mapping[str, float]:
-        """Values of the parameters in the units declared by the model: those of the case, or changed
-        values."""
+        """Values of the parameters, in the units declared by the model: the values of the case, unless they
+        were changed."""
         return self.labels.parameters
 
     @property

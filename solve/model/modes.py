@@ -40,9 +40,9 @@ def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
 def modes(M: Array, K: Array) -> Modes:
     """All modes of M and K (m, n, n). M must be positive definite, K positive semidefinite.
 
-    The computed eigenvalues are 1/ω², those of the pencil M − (1/ω²) K. Low frequencies then remain accurate
-    for any stiffness of the highest modes. The highest modes lose digits. They are recomputed from the pencil
-    K − ω² M in the space of the modes above the geometric mean of the lowest and the highest frequency."""
+    The eigenvalues 1/ω² of the pencil M − (1/ω²) K are computed. Low frequencies then remain accurate for any
+    stiffness of the highest modes. The highest modes lose digits. They are recomputed from the pencil K − ω²
+    M in the space of the modes above the geometric mean of the lowest and the highest frequency."""
     shift, L, pencil = _pencil(M, K)
     values, vectors = np.linalg.eigh(pencil)
     vectors = np.linalg.solve(np.swapaxes(L, 1, 2), vectors / np.sqrt(values[:, None, :]))

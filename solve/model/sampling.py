@@ -93,8 +93,8 @@ def by_rows(matrices: Iterable[Any]) -> Any:
 
 @symbolic
 def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
-    """Substitute the parameters of a generated function, except those with the indices `free`, which become
-    its last input. The outputs are concatenated, each in row order."""
+    """Substitute the parameters of a generated function. The parameters with the indices `free` are not
+    substituted, but become the last input. The outputs are concatenated, each in row order."""
     import casadi
 
     inputs = inputs_of(function, "p").values()
@@ -110,8 +110,8 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
     """Linearise a generated residual r. The result contains ∂r/∂q̈, ∂r/∂q̇ and ∂r/∂q in row order, then d =
     ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r.
 
-    The inputs are those of the residual, ending with q, qd and qdd, then the free parameters, if any. Values
-    of the other parameters are substituted."""
+    The inputs are the inputs of the residual, of which q, qd and qdd are the last, followed by the free
+    parameters, if any. Values of the other parameters are substituted."""
     import casadi
 
     inputs, values = list(inputs_of(residual, "p").values()), symbol("values", len(free))

@@ -142,7 +142,7 @@ def _halves(piece: _Piece) -> list[_Piece]:
 @cache
 def _halving(count: int, side: int) -> Array:
     """Matrix (count, count) that converts coefficients of Σ c_k T_k(x) to coefficients of the same function
-    at (x ± 1)/2; the sign is that of `side`. It is computed exactly and rounded once."""
+    at (x ± 1)/2; the sign is the sign of `side`. The matrix is computed exactly and rounded once."""
     rows = [[Fraction(1)], [Fraction(side, 2), Fraction(1, 2)]]
     for _ in range(2, count):
         # T_k+1(z) = 2 z T_k(z) − T_k−1(z), 2z = x ± 1, and x T_j = (T_j+1 + T_|j−1|)/2.

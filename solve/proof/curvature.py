@@ -61,8 +61,8 @@ class Curvature:
     def over(self, radius: Ball) -> Ball:
         """Bound Λ for deviations of norm ≤ radius.
 
-        It is infinite if no bound exists. It is also infinite if the residual may have a kink or a jump in
-        the tube, because second derivatives then do not bound the remainder N."""
+        Λ is infinite if no bound exists. Λ is also infinite if the residual may have a kink or a jump in the
+        tube, because second derivatives then do not bound the remainder N."""
         tube = [arb(0, (radius * size).upper()) for size in self.sizes]
         return largest(self._on(cell, tube) for cell in self.cells)
 

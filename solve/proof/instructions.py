@@ -243,7 +243,7 @@ class Instructions:
     def from_function(
         cls, function: casadi.Function, number: Callable[[float], Ball] = arb
     ) -> "Instructions":
-        """Instructions of a CasADi function. `number` converts its constants to balls. Raises
+        """Instructions of a CasADi function. `number` converts the constants of the function to balls. Raises
         LinearModelError for an operation without an enclosure rule."""
         function = function if function.is_a("SXFunction") else function.expand()
         sparsities = map(function.sparsity_out, range(function.n_out()))

@@ -49,7 +49,7 @@ boxes that are decided."""
 
 _BITS, _ADVANCE, _ALLOWED = 34, 4.0, 2.0**-30
 """Precision in bits, largest h‖A‖ of a step, and allowed error of a step, for the enclosures at the nodes.
-Their errors are far smaller than the interpolation error."""
+The errors of these enclosures are far smaller than the interpolation error."""
 
 _LARGEST = 1024
 """Binary exponent of a bound S above which no permitted number of nodes suffices."""
@@ -59,7 +59,8 @@ _MOST_NODES = 1200
 takes a minute."""
 
 _TOGETHER = 16
-"""Number of nodes that a worker computes at a time. Chosen by judgement: they take about a second."""
+"""Number of nodes that a worker computes at a time. Chosen by judgement: the computation takes about a
+second."""
 
 
 class Box(NamedTuple):
@@ -226,8 +227,8 @@ def _analysis(count: int) -> Matrix:
 
 
 def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, bool]:
-    """Return the numbers of nodes along x and y (None if they are too large), bounds (k,) on the
-    interpolation errors, and whether C is zero on the box.
+    """Return the numbers of nodes along x and y, or None if too many nodes are required; bounds (k,) on the
+    interpolation errors; and whether C is zero on the box.
 
     First, equal ellipse ratios ρ are tried along x and y, then neighbours of the best pair."""
     equation = plane.equation(box)

@@ -1,5 +1,5 @@
-"""Conversion of functions of the phase to CasADi functions, if they are not generated: a user's function, or
-an interpolant of samples.
+"""Conversion of functions of the phase that are not generated to CasADi functions. Examples are a user's
+function and an interpolant of samples.
 
 A function `matrices(phase, speed)` is called with arrays of symbols. Its operations on the symbols form a
 graph, like that of generated code. A proof evaluates every operation of the graph in ball arithmetic.

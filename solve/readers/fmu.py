@@ -133,7 +133,7 @@ def _linearised(
     period: float,
 ) -> tuple[SampledStates, bool]:
     """Return the linearisation at a speed in rad/s, and whether its azimuths resolve the matrices. values:
-    variables that are set; NaN is replaced by the speed."""
+    values of the variables that are set; NaN stands for the speed."""
     duration = period / speed
     with Unit(file, {name: speed if math.isnan(value) else value for name, value in values.items()}) as unit:
         for name in (name for name, value in values.items() if math.isnan(value)):
@@ -249,7 +249,7 @@ def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> Sampled
 
 
 def _source(unit: Unit, file: Path, speed: float | None = None, states: Array | None = None) -> Source:
-    """Origin of the samples: the FMU. states (k, N): motion about which it was linearised, if known."""
+    """Origin of the samples: the FMU. states (k, N): motion about which the FMU was linearised, if known."""
     units, meanings = ({name: pair[k] for name, pair in unit.labels.items()} for k in (0, 1))
     points = {} if states is None else dict(zip(unit.states, states.T, strict=True))
     return Source(file.name, unit.description.description or "", speed, units, meanings, (), points)

@@ -66,7 +66,7 @@ def _solved(unit: Unit, Phi: Array, residual: Array, sizes: Array) -> Array:
 
 def _integrated(unit: Unit, x: Array, duration: float) -> tuple[Motion, Array, Array]:
     """Return the motion from initial states (N,), the states (N,) at its end, and the largest moduli (N,) of
-    the states. The last are 1 for states that remain zero."""
+    the states. The modulus of a state that remains zero is replaced by 1."""
     from scipy.integrate import solve_ivp
 
     found = solve_ivp(

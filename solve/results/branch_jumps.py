@@ -70,9 +70,9 @@ def _beside(values: Array, at: int, way: int) -> float:
 
 def _is_stable(radii: Array, kinds: Sequence[str], verdicts: Sequence[str], at: int, way: int) -> bool:
     """Return whether the orbits next to the turning point `at`, in the direction `way` along the branch, are
-    stable. The first determined verdict decides. No special point may precede it, except grazing orbits next
-    to a fold. If all verdicts up to the end of the branch are undetermined, as near a grazing orbit, the
-    spectral radius of the nearest orbit decides."""
+    stable. The first determined verdict decides. No special point may precede this verdict, except grazing
+    orbits next to a fold. If all verdicts up to the end of the branch are undetermined, as near a grazing
+    orbit, the spectral radius of the nearest orbit decides."""
     place, passed = at + way, (REGULAR, GRAZING) if kinds[at] == FOLD else (REGULAR,)
     while 0 <= place < len(kinds) and kinds[place] in passed:
         if verdicts[place] != UNDETERMINED:
@@ -84,8 +84,8 @@ def _is_stable(radii: Array, kinds: Sequence[str], verdicts: Sequence[str], at: 
 
 def _target(values: Array, peaks: Array, verdicts: Sequence[str], at: int) -> Array | None:
     """Return the peaks (n,) of the orbit to which the response jumps at the turning point `at`; None if there
-    is none. Among the stable orbits at this value of the parameter, it is the one that differs least from the
-    turning point."""
+    is no such orbit. Among the stable orbits at the same value of the parameter, the response jumps to the
+    orbit that differs least from the orbit at the turning point."""
     targets = []
     for side in range(len(values) - 1):
         apart, step = values[at] - values[side], values[side + 1] - values[side]

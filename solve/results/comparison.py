@@ -160,7 +160,7 @@ class Comparison(Result):
 
 
 def grouped(pairs: Iterable[tuple[str, Any]]) -> dict[str, list[Any]]:
-    """Return a mapping from each key to the list of its values, from pairs of key and value."""
+    """Convert pairs of a key and a value to a mapping from each key to the list of its values."""
     groups: dict[str, list[Any]] = {}
     for key, value in pairs:
         groups.setdefault(key, []).append(value)

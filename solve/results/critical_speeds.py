@@ -22,7 +22,8 @@ from solve.system import PeriodicSystem
 @dataclass(frozen=True)
 class Combination:
     """Combination resonance (ω̄i + sign · ω̄j)/order at a speed in rad/s, with modes i and j counted from 1.
-    If i = j, it is a parametric resonance of one mode, and for order 1 the principal one."""
+    If i = j, the resonance is a parametric resonance of one mode; for order 1, it is the principal parametric
+    resonance."""
 
     speed: float
     modes: tuple[int, int]
@@ -339,7 +340,7 @@ class CriticalSpeeds(SolvedSpeeds):
         heading: str = "",
         shown: Sequence[float | None] | None = None,
     ) -> Column:
-        """Column of speeds. `shown` are the values in tables, if they differ from those in records."""
+        """Column of speeds. `shown` are the values in tables, if they differ from the values in records."""
         column = speeds_of(self.system, values, meaning, heading, self.decimals)
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 

@@ -1,4 +1,5 @@
-"""Folders that contain the results of one computation, which can resume from them."""
+"""Folders that contain the results of one computation. An interrupted computation can resume from its
+folder."""
 
 import hashlib
 import json

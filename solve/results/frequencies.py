@@ -353,8 +353,9 @@ class Findings(Result):
 
     @property
     def widest(self) -> "Frequencies | Variation":
-        """Frequencies for files and figures: those versus the parameter if they are computed, otherwise those
-        over the revolution, otherwise those at the position."""
+        """Frequencies for files and figures: the frequencies versus the parameter if they are computed;
+        otherwise, the frequencies over the revolution if they are computed; otherwise, the frequencies at the
+        position."""
         return self.variation or self.turn or self.here
 
     def file_contents(self) -> FileContents:

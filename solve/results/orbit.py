@@ -90,7 +90,7 @@ class Orbit(Stability, SolvedMotion):
     @property
     def qdd(self) -> Array:
         """Accelerations (n, m+1) at the nodes (derivatives with respect to time). At a jump of the matrices,
-        they are the values just after the jump."""
+        the array contains the accelerations just after the jump."""
         return self._nodal[2]
 
     @property
@@ -153,8 +153,9 @@ class Orbit(Stability, SolvedMotion):
         relative to the coordinate's scale.
 
         The scale (see `solve.certify.correction`) is max|q| unless the forces on the coordinate cancel. The
-        estimate is the size of one correction of Newton's method on the same grid. It is accurate if it is
-        small. It is NaN if the correction has no solution. The result is None for linear systems.
+        estimate is the size of one correction of Newton's method on the same grid. A small estimate is
+        accurate. The estimate is NaN if the correction has no solution. The result is None for linear
+        systems.
         """
         if not is_nonlinear(self.system):
             return None

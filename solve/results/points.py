@@ -122,7 +122,8 @@ class PointResults:
 
     @property
     def all_multipliers(self) -> Array:
-        """Multipliers (P, N), including those of rigid-body modes (+1), in descending order of modulus."""
+        """Multipliers (P, N), including the multipliers +1 of rigid-body modes, in descending order of
+        modulus."""
         multipliers = self.multipliers.copy()
         for point in np.flatnonzero(self.rigid).tolist():
             count = int(self.rigid[point])

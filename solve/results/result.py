@@ -33,7 +33,7 @@ def views() -> ModuleType:
 
 class Result(Serializable):
     """Base class of all results. A subclass is a dataclass that contains the solved system. It defines
-    `columns` and, if needed, `_recorded` or `summary_values`, and `header_rows`.
+    `columns` and, if needed, `header_rows` and one of `_recorded` and `summary_values`.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Result(Serializable):
         return {name: getattr(self, name) for name in self._recorded.split()}
 
     def header_rows(self) -> HeaderRows:
-        """Rows of the heading below those for model and speed, each with a label and a string."""
+        """Rows of the heading below the rows for model and speed. Each row is a label and a string."""
         return []
 
     def plot(self, *args: Any, **options: Any) -> Figure:

@@ -52,8 +52,8 @@ def rigid_body_modes_of(
 def steady_part(differences: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
     """Return the steady motion (turns, n, k) along rigid-body modes that is contained in `differences`
     (turns, n, k), the differences from an orbit. The steady motion of a damped mode is an offset plus the
-    drift; that of an undamped mode is an offset plus any constant velocity. `nodes` (k,) are phases; `speed`
-    is in rad/s."""
+    drift; the steady motion of an undamped mode is an offset plus any constant velocity. `nodes` (k,) are
+    phases; `speed` is in rad/s."""
     steady = np.zeros_like(differences)
     if not modes:
         return steady

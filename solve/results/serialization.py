@@ -73,8 +73,8 @@ NOT_STORED = {"stored": False}
 
 
 class Serializable:
-    """Base class of dataclasses that can be written to files: their fields, except those with metadata
-    NOT_STORED, and the values of each `stored_property`."""
+    """Base class of dataclasses that can be written to files. A file contains all fields, except fields with
+    the metadata NOT_STORED, and the value of each `stored_property`."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -161,8 +161,8 @@ class NonlinearOrbit(Orbit):
 
 
 class NoStability:
-    """Attributes that replace those of `Orbit` for a mechanism without coordinates, which has no
-    vibration."""
+    """Mixin for a mechanism without coordinates, and thus without vibration. It replaces attributes of
+    `Orbit`."""
 
     method = described = "prescribed motion"
     steps = _STEPS

@@ -179,13 +179,13 @@ class Stability(Solution):
     @stored_property
     def multipliers(self) -> Array:
         """Complex multipliers ρ (N,) in descending order of modulus. In conjugate pairs, the multiplier with
-        positive imaginary part comes first. 0 if ρ underflows, NaN if it is unknown."""
+        positive imaginary part comes first. A multiplier is 0 if it underflows, and NaN if it is unknown."""
         return self.spectrum.values
 
     @stored_property
     def exponents(self) -> Array:
-        """Exponents λ = ln(ρ)/T (N,) in 1/s, on the principal branch (Eq. (11) of the chapter). They are
-        finite even where ρ underflows; -inf if ρ is exactly 0, NaN if it is unknown."""
+        """Exponents λ = ln(ρ)/T (N,) in 1/s, on the principal branch (Eq. (11) of the chapter). An exponent
+        is finite even if ρ underflows; it is -inf if ρ is exactly 0, and NaN if ρ is unknown."""
         return self.spectrum.logarithms / self.period
 
     @stored_property

@@ -41,7 +41,7 @@ _REMEDIES = {
     "stable": "differences from the orbit are not damped; start on the orbit",
     "unstable": "it is unstable",
 }
-"""Mapping from the verdict on an orbit to the reason why it is not reached, or to a remedy."""
+"""Mapping from the verdict on an orbit to the reason why the orbit is not reached, or to a remedy."""
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,8 @@ _REPEAT_INTERVAL = 0.3
 """Seconds between repetitions of an interruption."""
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
-"""Pattern of control characters, which a terminal would execute (ECMA-48). It excludes tab and line feed. It
-includes characters that set the direction of text or end lines, because they change how text is displayed
+"""Pattern of control characters, which a terminal would execute (ECMA-48). Tab and line feed are excluded.
+Characters that set the direction of text or end lines are included, because they change how text is displayed
 (Unicode Standard Annex 9)."""
 
 _STYLE = r"\x1b\[[0-9;]*m"
@@ -172,7 +172,7 @@ def run_cli(
 
 
 def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[Exception]) -> NoReturn:
-    """Run `sys.argv` as a program and exit with its status; the parameters are those of `run_cli`.
+    """Run `sys.argv` as a program and exit with its status. For the parameters, see `run_cli`.
 
     Warnings of libraries are hidden, because results contain their own warnings. They are shown if Python was
     started with -W."""

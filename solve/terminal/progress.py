@@ -210,7 +210,7 @@ def show_progress(name: str) -> Iterator[None]:
     Parameters
     ----------
     name : str
-        Name of the program. Each line in a file or pipe begins with it.
+        Name of the program. Each line in a file or pipe begins with this name.
     """
     with listen() as tracker:
         line, ended = _ProgressLine(), threading.Event()

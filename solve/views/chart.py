@@ -77,7 +77,8 @@ def chart_figure(chart: Chart) -> Figure:
 
 
 def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
-    """Return the boxes with a proved verdict, and those without one, in the displayed units."""
+    """Return the boxes with a proved verdict, and the boxes without a proved verdict, in the displayed
+    units."""
     if chart.proved is None:
         return None, None
     open_ = chart.proved.verdicts == UNDETERMINED

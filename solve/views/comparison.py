@@ -108,7 +108,7 @@ def _goal(comparison: Comparison, row: Row) -> str:
 
 
 def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> list[RenderableType]:
-    """Return a table of the rows with a result, and notes on those without one."""
+    """Return a table of the rows with a result, and notes on the rows without a result."""
     done = [row for row in rows if row.reason is None]
     if rows[0].target is not None:
         done.sort(key=lambda row: row.time)

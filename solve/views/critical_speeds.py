@@ -29,8 +29,8 @@ _ROOM = 1.6
 
 _CLEAR, _ASIDE = 0.05, 0.015
 """Vertical distance of labels from curves and from each other, as a fraction of the height; and horizontal
-distance of labels from the frame, as a fraction of the width. Twice the latter separates labels of equal
-height."""
+distance of labels from the frame, as a fraction of the width. Labels of similar height are at least twice the
+horizontal distance apart."""
 
 
 @figure.register(CriticalSpeeds)

@@ -61,8 +61,8 @@ def frequencies_figure(found: Frequencies) -> Figure:
 
 @figure.register(Findings)
 def findings_figure(found: Findings) -> Figure:
-    """Figure of the frequencies versus the parameter or over the revolution if these are computed; otherwise,
-    figure of the mode shapes at the position."""
+    """Figure of the frequencies versus the parameter if they are computed; otherwise, of the frequencies over
+    the revolution if they are computed; otherwise, of the mode shapes at the position."""
     return figure(found.widest)
 
 
@@ -117,8 +117,8 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
 
 @figure.register(Variation)
 def variation_figure(found: Variation) -> Figure:
-    """Figure of the lowest elastic frequency, with its range over the revolution, versus the parameter; and
-    of the frequencies of the separate links (Fig. 9.1 of the thesis)."""
+    """Figure of the lowest elastic frequency versus the parameter, with its range over the revolution. The
+    figure also shows the frequencies of the separate links (Fig. 9.1 of the thesis)."""
     system, parameter, values, mode = found.system, found.parameter, found.values, found.shown_modes[-1]
     figures = {name: values[:, mode] for name, values in found.statistics(1).items()}
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"

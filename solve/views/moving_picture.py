@@ -43,9 +43,9 @@ class Panel(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Content of a picture. `phase` (k,) are the phases of the frames, and `fine` those of the curves.
-    `rigid` and `moved` map the names of lines to points x + iy (points, k) for the rigid motion and for the
-    motion with vibration. There is one panel per quantity."""
+    """Content of a picture. `phase` (k,) are the phases of the frames, and `fine` are the phases of the
+    curves. `rigid` and `moved` map the names of lines to points x + iy (points, k) for the rigid motion and
+    for the motion with vibration. There is one panel per quantity."""
 
     system: PeriodicSystem
     title: str

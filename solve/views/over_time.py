@@ -174,8 +174,8 @@ def curves_figure(
 def contributions_figure(
     model: PeriodicSystem, found: Contributions, speed: float, uncoupled: Array | None = None
 ) -> Figure:
-    """Figure of an output over the period, and of the contribution of each mode to it, at a speed in rad/s.
-    `uncoupled` (k,) are the values of the output without coupling of the modes."""
+    """Figure of an output over the period at a speed in rad/s, with the contribution of each mode to the
+    output. `uncoupled` (k,) are the values of the output without coupling of the modes."""
     curves = {"all modes": found.total}
     curves |= {f"mode {number}": values for number, values in enumerate(found.values, 1)}
     if uncoupled is not None:

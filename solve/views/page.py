@@ -224,7 +224,7 @@ def _parameters(system: PeriodicSystem) -> str:
 
 
 def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
-    """Yield rows. Successive rows whose names and meanings differ only in their numbers are merged to one
+    """Yield rows. Successive rows whose names and meanings differ only in their numbers are merged into one
     row."""
 
     def kind(row: tuple[str, ...]) -> tuple[str, ...]:

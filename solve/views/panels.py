@@ -38,7 +38,7 @@ MOST_DRAWN = 8
 fit."""
 
 DRAWN_RTOL = 1e-6
-"""Relative tolerance of results for curves and tables. These show no more digits."""
+"""Relative tolerance of results for curves and tables, in which further digits would not be visible."""
 
 HEADROOM = 1.15
 """Ratio of the upper limit of a Campbell diagram to the highest frequency."""

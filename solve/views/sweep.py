@@ -136,8 +136,8 @@ def response_figure(
 def _lines(
     system: PeriodicSystem, varied: Mapping[str, Array], others: Sequence[str], along: str
 ) -> dict[str, list[int]]:
-    """Return a mapping from the label of each curve, which states the values of the other parameters, to the
-    indices of its points in ascending order of the parameter `along`."""
+    """Return a mapping from the labels of the curves to the indices of their points. A label states the
+    values of the parameters `others`. The points are in ascending order of the parameter `along`."""
     lines: dict[str, list[int]] = {}
     labels: Sequence[str] = [""] * len(varied[along])
     if others:

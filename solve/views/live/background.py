@@ -121,7 +121,7 @@ def _write(stream: Any, content: object) -> None:
 
 
 def serve() -> None:
-    """Perform the computations that are received on standard input, until it is closed."""
+    """Perform the computations that are received on standard input, until standard input is closed."""
     # The terminal sends an interruption to all processes, but it is the window that ends this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     reports = os.fdopen(os.dup(sys.stdout.fileno()), "wb")

@@ -67,7 +67,7 @@ class Control:
 
 
 def controls_of(model: Model, speed: GivenSpeed) -> list[Control]:
-    """Return the slider of the speed, followed by those of the parameters in the order of the model."""
+    """Return the slider of the speed, followed by the sliders of the parameters in the order of the model."""
     unit = unit_given(speed, model.labels.speed_unit)
     value = rounded(unit.from_si(float(speed)), 12)
     drive = Control(SPEED, "Ω", unit.name, "speed of the drive", "> 0", value, speed_range(value))
@@ -224,7 +224,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
 
 
 def with_speed_unit(text: str, unit: ShownUnit) -> str:
-    """Return the text of a speed, with the unit of the slider appended if it has no unit."""
+    """Return the text of a speed. If the text contains no unit, the unit of the slider is appended."""
     try:
         return f"{number(float(text))} {unit.name}"
     except ValueError:
@@ -232,8 +232,8 @@ def with_speed_unit(text: str, unit: ShownUnit) -> str:
 
 
 def changed_parameters(model: Model, texts: Mapping[str, str]) -> dict[str, Any]:
-    """Return a mapping from parameters to their values, from the texts of the page: numbers in the units of
-    the model, or strings with a unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
+    """Convert the texts of the page to a mapping from parameters to values. A value is a number in the unit
+    of the model, or a string with a unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
     for name in texts:
         require_name(f"parameter of {model.labels.name}", name, model.parameters)
     return {name: in_own_unit(model, name, text) for name, text in texts.items()}

@@ -32,7 +32,7 @@ _MOST_BYTES = 100_000
 """Maximum size, in bytes, of a message from a page: several thousand values of parameters."""
 
 _LAST = 1 << 53
-"""Number that exceeds those of all requests: the largest integer up to which JavaScript represents all
+"""Number that exceeds the numbers of all requests: the largest integer up to which JavaScript represents all
 integers exactly."""
 
 _HEADERS = {
@@ -43,8 +43,8 @@ _HEADERS = {
     "img-src 'self' data:; connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'self' http://localhost:* http://127.0.0.1:*",
 }
-"""Headers of every response, by which the page loads nothing from elsewhere, and only local pages, such as
-notebooks, may embed it in a frame."""
+"""Headers of every response. They prevent the page from loading anything from elsewhere, and permit only
+local pages, such as notebooks, to embed it in a frame."""
 
 
 class LiveServer:

@@ -126,8 +126,8 @@ class State:
         return head + "".join(f"{line}\n" for line in self._entries())
 
     def _entries(self) -> Iterator[str]:
-        """Yield the lines of the case, one per parameter or, for numbered parameters with the same source,
-        one for all of these."""
+        """Yield the lines of the case. A line states one parameter, or all numbered parameters with the same
+        source."""
         model, sources = self.model, self.model.labels.parameter_sources
         rows = []
         for name, value in model.parameters.items():
