@@ -115,8 +115,8 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
     """Derivative of a smooth function of one variable, by central differences that are extrapolated to zero
     step (L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357).
 
-    It is used for assembled matrices, for which automatic differentiation is not available. If `largest_step`
-    is omitted, x must not be 0."""
+    This function is used for assembled matrices, for which automatic differentiation is not available. If
+    `largest_step` is omitted, x must not be 0."""
     return slopes(function, x, largest_step)[0]
 
 

@@ -78,8 +78,8 @@ def first_is(
 def matches_annotations(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Decorator that raises ValueOutOfBoundsError for arguments that do not match their annotations.
 
-    Two cases are left to the function itself: a string in place of a sequence, which is a single name or a
-    range, and a number of any type in place of an integer.
+    Two cases are left to the function itself: a string in place of a sequence, because it may be a single
+    name or a range; and a number of any type in place of an integer.
 
     >>> @matches_annotations
     ... def halved(values: Sequence[float]) -> list[float]:

@@ -56,8 +56,8 @@ class Validity(Protocol):
 
 
 class Evaluation(Protocol):
-    """Evaluation of entries that is faster than the evaluation of matrices. Methods return None if it is not
-    available."""
+    """Evaluation of entries that is faster than the evaluation of matrices. Methods return None if no faster
+    evaluation is available."""
 
     def entries(self, phase: Array, speed: float) -> Array | None:
         """Entries (m, 3n² + n) of Ω²M, ΩC and K in row order, and of d, for derivatives with respect to the

@@ -141,11 +141,11 @@ class Dependence(Protocol):
         return np.einsum("knr,knc->rc", self.residual(phase, speed, states), weights)
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        """Derivatives of a weighted sum of the entries of M, C and K, which are the derivatives of the
-        residual with respect to the states. The weights are (k, 3, n, n).
+        """Derivatives of a weighted sum of the entries of M, C and K. These entries are the derivatives of
+        the residual with respect to the states. The weights are (k, 3, n, n).
 
         Return the derivatives (r,) with respect to θ, and the derivatives (k, 3, n) with respect to the
-        states, which are 0 for linear equations.
+        states. The second array is 0 for linear equations.
         """
         ...
 

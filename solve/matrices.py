@@ -11,12 +11,12 @@ from solve.contracts import Matrices
 from solve.errors import MatricesError, ValueOutOfBoundsError
 
 PERIODIC = 1e-9
-"""Relative difference between the matrices at the two ends of the period, up to which they count as periodic.
-Chosen by judgement."""
+"""Relative difference between the matrices at the two ends of the period, up to which the matrices count as
+periodic. Chosen by judgement."""
 
 SAME_PHASE = 1e-12
-"""Distance between two phases, relative to the period, up to which they count as equal within round-off.
-Chosen by judgement."""
+"""Distance between two phases, relative to the period, up to which the phases count as equal within
+round-off. Chosen by judgement."""
 
 _ROUNDOFF = 64 * EPS
 """Round-off of an entry, relative to the largest term of the equations. Chosen by judgement."""
@@ -72,8 +72,8 @@ def require_shapes(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, 
 
 
 def split_entries(entries: Array, n: int) -> Matrices:
-    """M, C, K (…, n, n) and d (…, n) from entries (…, 3n² + n), which contain M, C and K in row order, and
-    then d."""
+    """Split entries (…, 3n² + n) into M, C, K (…, n, n) and d (…, n). The entries contain M, C and K in row
+    order, and then d."""
     M, C, K = (entries[..., k * n**2 : (k + 1) * n**2].reshape(*entries.shape[:-1], n, n) for k in range(3))
     return M, C, K, entries[..., 3 * n**2 :]
 

@@ -79,7 +79,7 @@ class PeriodicSystem:
     states: tuple[str, ...] = ()
     """Names of the coordinates without second derivatives, which come last."""
     inputs: tuple[str, ...] = ()
-    """Names of the inputs u, such as forces of drives, which are zero unless a controller sets them."""
+    """Names of the inputs u, such as forces of drives. Inputs are zero unless a controller sets them."""
     outputs: tuple[str, ...] = ()
     """Names of the quantities computed from the state."""
 

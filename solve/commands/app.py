@@ -21,7 +21,7 @@ class Program(NamedTuple):
     package : str
         Package that contains the modules of the commands.
     listed : mapping of str to str
-        Mapping from each command to its description for `--help`, which is the first line of its docstring.
+        Mapping from commands to descriptions for `--help`: the first lines of the docstrings of the commands.
     about : str or None
         Description of the program; None for a program with a single command.
     example : str

@@ -43,10 +43,10 @@ def deliver_result(
     """Write and print the output that the flags request. Standard output contains only tables or JSON.
 
     `record`, `report` and `figure` return the JSON object, the tables and the picture; by default, the
-    methods of the result are used. `beside` maps further files to functions that return their content, which
-    is a figure or a text. `choices` are the texts of --set and --option, and `notes` are printed before the
-    warnings. `proof` is also written to the file of --save. If it contradicts the result, ContradictionError
-    is raised at the end.
+    methods of the result are used. `beside` maps further files to functions that return the content of a
+    file: a figure or a text. `choices` are the texts of --set and --option, and `notes` are printed before
+    the warnings. `proof` is also written to the file of --save. If the proof contradicts the result,
+    ContradictionError is raised at the end.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}

@@ -221,7 +221,7 @@ class Speeds:
 
 @dataclass(frozen=True)
 class SpeedOrSpeeds(Speeds, Speed):
-    """Flags for one speed or several speeds, of which at most one is given."""
+    """Flags for one speed or several speeds. At most one of the two flags is given."""
 
     def __post_init__(self) -> None:
         """Raise ValueOutOfBoundsError if both flags are given."""

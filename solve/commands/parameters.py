@@ -210,8 +210,8 @@ def _free_names(text: str) -> list[str]:
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
-    """Return a mapping from names to lower and upper bounds, which are strings if a unit is given. One string
-    may specify the same bounds for several names, separated by commas. Raises ValueOutOfBoundsError."""
+    """Return a mapping from names to lower and upper bounds. Bounds with a unit are strings. One string may
+    specify the same bounds for several names, separated by commas. Raises ValueOutOfBoundsError."""
     bounds = {}
     given = [
         f"{name}{equals}{text}"

@@ -42,7 +42,7 @@ def model_names() -> list[str]:
 
 
 def model_files(model: str) -> Files:
-    """Paths of the files of a model, which is given by its name or by the path of its mechanism file. Raises
+    """Return the paths of the files of a model. `model` is a name or the path of a mechanism file. Raises
     UnknownNameError; raises ModelFileError if the mechanism or its code is missing, or if the code is out of
     date."""
     files = _located(model)
@@ -115,7 +115,7 @@ def beam_elements() -> ModuleType:
 
 
 def _verified(text: str, path: str) -> str:
-    """Check the hash of generated code, which covers all other lines, and return the text. Raises
+    """Return the text of generated code after a check of its hash. The hash covers all other lines. Raises
     ModelFileError if the hash is missing or wrong."""
     text = text.replace("\r\n", "\n")
     hashes = re.findall(_HASH_LINE, text, flags=re.MULTILINE)

@@ -153,8 +153,8 @@ def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Enclosed:
-    """Steps of a period, their product Φ (2n+1, 2n+1), and its multipliers and verdict. unloaded: whether the
-    load is zero."""
+    """Steps of a period, the product Φ (2n+1, 2n+1) of the maps of the steps, the multipliers, and the
+    verdict. unloaded: whether the load is zero."""
 
     turn: Turn
     Phi: Matrix

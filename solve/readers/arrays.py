@@ -20,7 +20,7 @@ Read = SampledSystem | SampledStates | SampledMixed
 
 
 def system_of(arrays: Mapping[str, Any], file: str, speed: float | None = None) -> Read:
-    """Create a system from the arrays of a file, whose first index is the azimuth.
+    """Create a system from the arrays of a file. The first index of the arrays is the azimuth.
 
     The arrays must contain M and K for a second-order system, or A for a first-order system. speed: speed in
     rad/s, by default the speed in the file. Raises FileError and MatricesError."""

@@ -17,8 +17,8 @@ from solve.readers.lin_file import LinFile, Signal
 from solve.readers.sampled import SampledStates, Source
 
 _SAME_SPEED = 0.01
-"""Relative difference between the rotor speeds of files up to which they count as one operating point. In a
-periodic steady state, the rotor speed varies within a revolution. Chosen by judgement."""
+"""Relative difference between the rotor speeds of files up to which the files count as one operating point.
+In a periodic steady state, the rotor speed varies within a revolution. Chosen by judgement."""
 
 _PRINTED = 6e-4
 """Allowed difference in rad between the printed azimuth, which has three or four decimals, and the azimuth
@@ -47,9 +47,9 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
     -------
     FirstOrderSystem
         System of small deviations from the periodic motion, without load. The names of states, inputs and
-        outputs are derived from their descriptions, which `meanings` contains. `units` contains the units in
-        the file. `source` contains the rotor speed, the names of the states in the rotating frame, and the
-        operating points.
+        outputs are derived from their descriptions. `meanings` contains the descriptions, and `units`
+        contains the units in the file. `source` contains the rotor speed, the names of the states in the
+        rotating frame, and the operating points.
 
     Raises
     ------

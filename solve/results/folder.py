@@ -92,7 +92,7 @@ def _lock(place: Path) -> int | None:
 
 
 def _lock_on_windows(place: Path) -> int | None:
-    """Lock a folder, as `_lock` does, on Windows, which locks bytes of files instead of folders."""
+    """Implementation of `_lock` for Windows, where only bytes of files can be locked, not folders."""
     import msvcrt
 
     lock: Any = msvcrt

@@ -234,8 +234,8 @@ class Variation(Roots):
 
     @property
     def shown_modes(self) -> list[int]:
-        """Indices (from 0) of the lowest mode and of the lowest elastic mode. The latter is the first mode
-        whose frequency is nonzero at one or more positions."""
+        """Indices (from 0) of the lowest mode and of the lowest elastic mode. The lowest elastic mode is the
+        first mode whose frequency is nonzero at one or more positions."""
         signed = np.nan_to_num(self.signed).any(axis=(0, 1))
         return sorted({0, int(signed.argmax())})
 

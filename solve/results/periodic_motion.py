@@ -119,7 +119,8 @@ class PeriodicMotion:
         return self.system.labels.outputs_apart and cache not in self.__dict__
 
     def evaluate_outputs(self) -> None:
-        """Evaluate the statistics of all outputs together, which is faster if all are shown."""
+        """Evaluate the statistics of all outputs together. If all outputs are shown, this is faster than
+        separate evaluations."""
         if self.system.outputs:
             self.output_statistics  # noqa: B018 - cached from here on
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray
 
 _STATE_GROUP = "state"
-"""Name of the group in a netCDF file from which the result is restored."""
+"""Name of the group in a netCDF file that contains the arrays from which the result is restored."""
 
 
 class Saved(Protocol):

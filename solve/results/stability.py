@@ -122,8 +122,8 @@ class Solution(Result):
 
     @stored_property
     def liouville(self) -> float:
-        """Difference between log|det Φ| by the method and by Liouville's formula; it is caused by modes that
-        the steps do not resolve. NaN for a method without steps."""
+        """Difference between log|det Φ| by the method and by Liouville's formula; the difference is caused by
+        modes that the steps do not resolve. NaN for a method without steps."""
         known = np.where(np.isfinite(self.multiplier_errors), self.spectrum.logarithms, np.nan)
         return liouville_defect(self.system, self.speed, self.certified.solutions, known)
 
@@ -136,8 +136,8 @@ class Solution(Result):
 
     @stored_property
     def interpolation_error(self) -> InterpolationError | None:
-        """Estimated error of the interpolation of sampled matrices, which is included in `error_estimate`;
-        None for systems that are not sampled."""
+        """Estimated error of the interpolation of sampled matrices; None for systems that are not sampled.
+        `error_estimate` includes this error."""
         if not self.system.labels.solvable or not self.certified.interpolation:
             return None
         return self.certified.interpolation[0]

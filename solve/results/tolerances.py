@@ -31,9 +31,9 @@ class ParameterSpread(NamedTuple):
 class Probability(NamedTuple):
     """Probability of an event, with the ends of its 95 % interval.
 
-    `events` is the number of samples at which the event occurs, `undetermined` the number at which the error
-    is too large to decide this, and `failed` the number without a result. In the upper end of the interval,
-    undetermined and failed samples count as events.
+    `events` is the number of samples at which the event occurs, `undetermined` is the number of samples at
+    which the error is too large to decide whether the event occurs, and `failed` is the number of samples
+    without a result. In the upper end of the interval, undetermined and failed samples count as events.
     """
 
     value: float

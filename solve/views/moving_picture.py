@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 _SAME = 1e-6
-"""Distance between two points, relative to the mechanism's size, up to which they count as equal. It is far
-below a pixel, and above round-off."""
+"""Distance between two points, relative to the mechanism's size, up to which the points count as equal. This
+distance is far below a pixel, and above round-off."""
 
 _RIGID = {"color": "#B4B4B4", "linewidth": 2.4, "solid_capstyle": "round", "zorder": 2}
 _MOVED = {"color": BLUE, "linewidth": 1.5, "solid_capstyle": "round", "zorder": 3}

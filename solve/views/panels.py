@@ -105,7 +105,7 @@ def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: st
 
 
 def axis_label(system: PeriodicSystem, name: str) -> str:
-    """Return the label of a parameter, or of the speed, with its unit and meaning."""
+    """Return a label with the name, unit and meaning of a parameter or of the speed."""
     label = headed(name, unit_of(system, name).name)
     _, meaning = system.labels.parameter_labels.get(name, ("", ""))
     return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, 54))

@@ -73,7 +73,7 @@ def report(
     Returns
     -------
     Report
-        Report, whose method `save` writes the page. A section without a result states the reason.
+        Report. Its method `save` writes the page. A section without a result states the reason.
 
     Raises
     ------

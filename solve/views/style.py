@@ -75,7 +75,7 @@ def new_figure(height: float) -> Figure:
 @contextmanager
 def page(height: float, title: str) -> Iterator[Figure]:
     """Context manager that provides a new figure with a title, `height` inches high, in the style of this
-    program. A "$" in texts, which may come from a user, is shown unchanged."""
+    program. A "$" is shown unchanged, because texts may come from a user."""
     with styled():
         figure = new_figure(height)
         figure.suptitle(greek(title), fontweight="bold")

@@ -197,7 +197,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
     text : str
         Number with or without a unit, such as "30 mm".
     unit : ShownUnit
-        Unit of the slider of the speed, which applies to a speed without a unit.
+        Unit of the slider of the speed. A speed without a unit is in this unit.
 
     Returns
     -------

@@ -89,7 +89,7 @@ class LiveServer:
         return f"http://{HOST}:{self.port}/{self.token}/"
 
     def session(self, send: Send, later: Later) -> Session:
-        """Return the session of a new window, which runs in the numerical thread."""
+        """Return the session of a new window. The session runs in the numerical thread."""
         base = self._base or pickle.loads(pickle.dumps(self.model))
         self._base = base
         self.last = Session(base, self._origin, self._speed, send, later)

@@ -1,4 +1,5 @@
-"""Sweeps and charts of the live window, which the page requests and the background process computes."""
+"""Sweeps and charts of the live window. The page requests a sweep or chart, and the background process
+computes it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -121,8 +121,7 @@ def explore(
     speed: float | str | None = None,
     port: int = 0,
 ) -> LiveWindow:
-    """Open the live window of a model, which shows sliders for the speed and the parameters beside the
-    solution.
+    """Open the live window of a model. The window shows the solution, and sliders for speed and parameters.
 
     Parameters
     ----------
