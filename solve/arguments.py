@@ -118,8 +118,8 @@ def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _path(function: Callable[..., Any], owner: Any) -> str:
-    """Name of a function, or of a method with the class of its first argument; the class for a
-    constructor."""
+    """Name of a function, or of a method with the class of its first argument; for a constructor, the name of
+    the class."""
     if owner is None:
         return function.__name__
     kind = owner if isinstance(owner, type) else type(owner)

@@ -51,7 +51,7 @@ class Limit(NamedTuple):
 
 
 class ModeShape(NamedTuple):
-    """Mode shape and its frequency in rad/s. It is scaled so that its largest displacement is 1.
+    """Mode shape and its frequency in rad/s. The shape is scaled so that its largest displacement is 1.
 
     places: for each link, positions x, y in m, (points, 2). displacements: for each link, displacements x, y
     at these positions, relative to the largest displacement. transverse: for each link, displacements

@@ -80,7 +80,7 @@ class NoLoadError(SolveError):
 
 
 class NoSketchError(SolveError):
-    """Raised if a drawing is requested of a system without a sketch."""
+    """Raised if a drawing of a system without a sketch is requested."""
 
 
 class StepsError(SolveError):

@@ -4,7 +4,7 @@ A matrix has a header and one record per nonzero column. A record begins with th
 row of the first value (0 for a sparse column), and the number of values or words. A sparse column consists of
 strings of consecutive rows. The header of a string contains a length in words and a row. Length and row are
 stored in one integer or, for matrices with a negative number of rows (BIGMAT), in two. A record with a column
-number above that of the last column ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)"""
+number above the number of columns ends the matrix. (MSC Nastran DMAP Programmer's Guide, OUTPUT4.)"""
 
 import re
 from collections.abc import Iterator

@@ -160,8 +160,8 @@ class Samples:
 
     @property
     def ends(self) -> bool:
-        """Whether all harmonics are resolved. This is assumed if the next multiple of their spacing is
-        resolved and zero."""
+        """Whether all harmonics are resolved. This is assumed if the next multiple of the spacing of the
+        harmonics is resolved and zero."""
         last = int(self.significant.max(initial=0))
         return last == 0 or last + self.spacing <= self.resolved
 

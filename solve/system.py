@@ -247,8 +247,8 @@ def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) ->
 
 
 def multiplier_count(system: PeriodicSystem) -> int:
-    """Number of Floquet multipliers: two per coordinate with second derivatives, one per coordinate
-    without."""
+    """Number of Floquet multipliers: two per coordinate with second derivatives, one per coordinate without
+    second derivatives."""
     return 2 * system.n - len(system.states)
 
 

@@ -88,7 +88,7 @@ class Numbers(CaseNumbers):
 
     def _first_model(self, name: str, varied: Varied) -> Model:
         """Return the model for the first combination of values of the varied parameters that is within the
-        bounds. If there is none, the exception for the first combination is raised."""
+        bounds. If no combination is within the bounds, the exception for the first combination is raised."""
         try:
             return model_of(self.setup(name, {parameter: values[0] for parameter, values in varied.items()}))
         except (ValueOutOfBoundsError, DesiredMotionError):

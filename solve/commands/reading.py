@@ -82,8 +82,8 @@ def _command_in(arguments: Sequence[str]) -> str | None:
 
 
 def _add_hint(error: Any, commands: Callable[[str | None], typer.Typer]) -> None:
-    """Add a hint to the message about an unknown flag: the other commands that have this flag or, if there is
-    none, the flags that set options and parameters of the model."""
+    """Add a hint to the message about an unknown flag: the other commands that have this flag or, if no other
+    command has it, the flags that set options and parameters of the model."""
     flag = getattr(error, "option_name", None) if "No such option" in error.message else None
     if flag is None:
         return

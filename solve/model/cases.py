@@ -100,8 +100,8 @@ def chosen_case(
     required: bool = True,
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Case:
-    """Read a case with a value for every declared parameter from a file; by default, the first case of the
-    file. Values in `replaced` take precedence.
+    """Return a case with a value for every declared parameter. It is read from a file; by default, it is the
+    first case of the file. Values in `replaced` take precedence.
 
     path: None for a model in memory. required: whether the file must exist; if False, a missing file results
     in a case without a name and values. otherwise: default values of parameters. Raises UnknownNameError,

@@ -41,8 +41,8 @@ def modes(M: Array, K: Array) -> Modes:
     """All modes of M and K (m, n, n). M must be positive definite, K positive semidefinite.
 
     The eigenvalues 1/ω² of the pencil M − (1/ω²) K are computed. Low frequencies then remain accurate for any
-    stiffness of the highest modes. The highest modes lose digits. They are recomputed from the pencil K − ω²
-    M in the space of the modes above the geometric mean of the lowest and the highest frequency."""
+    stiffness of the highest modes. The highest modes lose digits and are recomputed from the pencil K − ω² M
+    in the space of the modes above the geometric mean of the lowest and the highest frequency."""
     shift, L, pencil = _pencil(M, K)
     values, vectors = np.linalg.eigh(pencil)
     vectors = np.linalg.solve(np.swapaxes(L, 1, 2), vectors / np.sqrt(values[:, None, :]))
@@ -135,8 +135,8 @@ def beyond_critical(ratio: float) -> str:
 class DampedSampler(MatrixSampler):
     """Sampler of M, C, K, d of a generated `linearised` function, with modal damping.
 
-    ratios (k,): damping ratios of the modes. The modes are those of M and K at speed 0 and at the phase of
-    the sample. Raises MatricesError if there are no modes."""
+    ratios (k,): damping ratios of the modes. The modes are computed from M and K at speed 0 and at the phase
+    of the sample. Raises MatricesError if there are no modes."""
 
     def __init__(self, linearised: "casadi.Function", parameters: Array, ratios: Array):
         super().__init__(linearised, parameters)

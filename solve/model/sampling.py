@@ -54,8 +54,8 @@ class Sampler:
         self._release(vars(self))
 
     def __call__(self, *inputs: Array) -> Array:
-        """Evaluate the function k times and return the values (k, rows). Inputs are (k, columns), or (k,) for
-        a single column, or (columns,) if they are shared by all evaluations."""
+        """Evaluate the function k times and return the values (k, rows). Each input is an array (k, columns);
+        (k,) for a single column; or (columns,) if it is shared by all evaluations."""
         count = len(inputs[0])
         columns = [x.reshape(count, -1) if x.size else x for x in inputs[: self._varying]]
         results = np.empty((count, self._result.shape[1]))
@@ -134,7 +134,7 @@ class MatrixSampler:
     """Sampler of M, C, K (m, n, n) and d (m, n) of a generated `linearised` function with fixed parameters.
 
     For most mechanisms, the entries are polynomials in the speed. The coefficients are then sampled once per
-    grid of phases and cached, and the entries on this grid at any speed are a matrix product."""
+    grid of phases and cached, and the entries on this grid at any speed are computed by a matrix product."""
 
     @symbolic
     def __init__(self, linearised: "casadi.Function", parameters: Array):
@@ -159,7 +159,7 @@ class MatrixSampler:
         return split_entries(self.entries(phase, np.array([speed]))[0], self.n)
 
     def entries(self, phase: Array, speeds: Array) -> Array:
-        """Entries (P, m, 3n² + n) of M, C and K in row order, and of d, at speeds (P,)."""
+        """Entries (P, m, 3n² + n) of M, C and K in row order, and of d, at phases (m,) and speeds (P,)."""
         P, m, E = len(speeds), len(phase), 3 * self.n**2 + self.n
         if not self._is_polynomial:
             return self._evaluate(np.tile(phase, P), np.repeat(speeds, m)).reshape(P, m, E)

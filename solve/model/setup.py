@@ -142,7 +142,7 @@ class Setup:
 
     @cached_property
     def domain(self) -> Domain | None:
-        """Conditions for the existence of the fundamental motion; None if it is real and finite
+        """Conditions for the existence of the fundamental motion; None if the motion is real and finite
         everywhere."""
         return self.domain_with(())
 

@@ -22,7 +22,8 @@ _CELLS = 4
 infinite. Chosen by judgement."""
 
 _SHORTEST = 2.0**-12
-"""Length of an interval, as a fraction of the step, below which it is not halved. Chosen by judgement."""
+"""Length of an interval, as a fraction of the step, below which the interval is not halved. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)

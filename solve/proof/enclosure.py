@@ -115,8 +115,8 @@ def enclosed(
 
 
 def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool) -> str:
-    """Return a text that states the assumptions of a proof. They concern the numbers and functions of a
-    system and, unless the instructions prove it, the period."""
+    """Return a text that states the assumptions of a proof. The assumptions concern the numbers and functions
+    of a system and, unless the instructions prove the period, also the period."""
     texts, multiple = [_ALL_WITHIN if rounded else EXACT], multiple_of_pi(system.period)
     if not isinstance(system, Model):
         texts.append(_OF_FUNCTIONS if system.capabilities.samples is None else _OF_SAMPLES)
@@ -141,8 +141,8 @@ def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
 
 
 def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
-    """Return the maximum of the lower bounds and the maximum of the upper bounds, as decimal numbers. They
-    are printed with their common digits and a few more."""
+    """Return the maximum of the lower bounds and the maximum of the upper bounds, as decimal numbers. The two
+    numbers are printed with their common digits and a few more."""
     low, high = largest(lows), largest(highs)
     if not high.is_finite():
         return _decimal(low, _SHOWN, ROUND_FLOOR), "inf"
@@ -239,7 +239,7 @@ def _outputs(system: PeriodicSystem, outputs: Outputs | None) -> dict[str, tuple
 
 def true_error(result: Stability, discs: list[Multiplier]) -> float:
     """Largest distance between a numerical multiplier and the nearest enclosure, relative to the spectral
-    radius; NaN if it is not known."""
+    radius; NaN if the distance is not known."""
     centers = [(complex(disc.center), disc) for disc in discs for _ in range(disc.count)]
     radius = largest(disc.low for disc in discs)
     worst, left = arb(0), list(centers)

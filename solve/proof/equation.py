@@ -109,8 +109,8 @@ class Equation:
         return cls(instructions, n, speed, tuple(parameters), modes, frequencies, float(moved or 1.0), about)
 
     def vanishes(self, period: Ball) -> tuple[bool, bool]:
-        """Return whether C is exactly zero at all phases, and whether d is. If C = 0, det Φ = 1 (Liouville's
-        formula)."""
+        """Return whether C is exactly zero at all phases, and whether d is exactly zero at all phases. If C =
+        0, det Φ = 1 (Liouville's formula)."""
         entries = self._entries(interval(arb(0), period), None)
         rates, loads = (all(value.is_zero() for *_, value in entries[k][0]) for k in (1, 3))
         return rates, loads

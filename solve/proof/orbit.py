@@ -68,8 +68,8 @@ def maximum(
 
     bounds: for each function, a callable that returns a lower and an upper bound on the maximum of the
     function over an interval of τ. The interval with the largest upper bound is halved until this bound is
-    close to the largest lower bound, or `cells` intervals are halved. Bounds are rounded up to doubles, so
-    that they can be sorted exactly."""
+    close to the largest lower bound, or until `cells` intervals have been halved. Bounds are rounded up to
+    doubles, so that they can be sorted exactly."""
     low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(bounds))]
     for _ in range(cells):
         bound, at, start, end = heap[0]

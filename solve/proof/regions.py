@@ -40,8 +40,8 @@ _PANELS = 48
 """Number of intervals of the period on which μ₂ is bounded. Chosen by judgement."""
 
 _SHORTEST = 2.0**-14
-"""Length of an interval, as a fraction of the period, below which it is not bisected although M may be
-singular in it."""
+"""Length of an interval, as a fraction of the period, below which the interval is not bisected, although M
+may be singular in it."""
 
 _ACCURACY = 2.0**-20
 """Allowed interpolation error. Chosen by judgement: it is far below the variation of Φ over the smallest
@@ -277,7 +277,7 @@ def axis_to_halve(plane: Plane, box: Box, widths: Sequence[float]) -> int:
 
 def _size(plane: Plane, box: Box) -> float:
     """Logarithm of S, the bound on the moduli of the functions for complex values in the smallest ellipses
-    that enclose a box. Infinite if the equations are not analytic there."""
+    that enclose a box. Infinite if the equations are not analytic in these ellipses."""
     try:
         with precision(2 * _BITS):
             equation = plane.equation(box)
@@ -336,7 +336,7 @@ def _bounds(real: Equation, ellipse: Equation, period: Ball, breaks: Sequence[fl
 
 def _rates(equation: Equation, phase: Ball, outcomes: Outcomes | None) -> tuple[Ball, Ball]:
     """Bounds on μ₂(A) and Re tr A over an interval of phases. In a window around a jump, where piecewise
-    operations may take any branch, both follow from a norm of A."""
+    operations may take any branch, both bounds follow from a norm of A."""
     if outcomes is not None:
         return equation.growth(phase, outcomes)
     rate = equation.largest_rate(phase)

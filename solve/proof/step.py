@@ -26,7 +26,7 @@ the disc."""
 
 _PARTS, _SHORTEST_PART = 4, 2.0**-6
 """Number of intervals of a step on which ‖A‖ and ‖m⁻¹‖ are bounded, and length of an interval, as a fraction
-of the step, below which it is not halved. Chosen by judgement."""
+of the step, below which the interval is not halved. Chosen by judgement."""
 
 _MOST_TERMS = 8
 """Largest ratio of the number of terms of the solution to the number of terms of the coefficients. Chosen by

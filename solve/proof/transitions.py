@@ -87,8 +87,8 @@ def _from_start(maps: list[Matrix]) -> list[Matrix]:
 
 
 def _to_end(maps: list[Matrix]) -> list[Matrix]:
-    """Products of all maps, of all except the first, and so on to the last map alone, formed by repeated
-    halving."""
+    """Products of all maps, of all maps except the first, and so on to the last map alone. Products are
+    formed by repeated halving."""
     if len(maps) < 2:
         return maps
     first, second = (_to_end(half) for half in (maps[: len(maps) // 2], maps[len(maps) // 2 :]))

@@ -92,8 +92,8 @@ def read_matrix_market(
 def _require_same_azimuths(series: dict[str, dict[int, Path]], uniform: bool) -> None:
     """Raise FileError unless all matrices that are not constant have files with the same numbers. If the
     azimuths are `uniform`, the numbers must be equidistant, such as 1, 2, 3, or equidistant numbers rounded
-    to integers, such as 0, 51, 103 degrees. If the differences are 2 or more, a missing file at least doubles
-    one of them.
+    to integers, such as 0, 51, 103 degrees. The differences of rounded numbers may vary by 1, whereas a
+    missing file at least doubles a difference.
     """
     numbered = {symbol: sorted(numbers) for symbol, numbers in series.items() if [*numbers] != [-1]}
     if not numbered:

@@ -55,7 +55,7 @@ class OfSource:
     labels: Labels
 
     def of_source(self, source: Source) -> None:
-        """Store the source, and set the labels of the system from it. Raises FileError for an invalid
+        """Store the source, and set the labels of the system from the source. Raises FileError for an invalid
         speed."""
         if source.speed is not None and not (np.isfinite(source.speed) and source.speed > 0):
             raise FileError(f"{source.name}: speed is {source.speed:g} rad/s; allowed: a finite speed > 0")

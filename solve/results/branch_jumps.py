@@ -62,8 +62,8 @@ def is_closed(values: Sequence[float] | Array, figures: Sequence[Array] | Array)
 
 
 def _beside(values: Array, at: int, way: int) -> float:
-    """Return the next value of the parameter that differs from the value at the point `at`, in the direction
-    `way` along the branch; NaN if there is none."""
+    """Search for a different value of the parameter, from the point `at` in the direction `way` along the
+    branch. Return the first such value; NaN if there is none."""
     others = values[at::way][values[at::way] != values[at]]
     return float(others[0]) if len(others) else np.nan
 

@@ -57,8 +57,8 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Sensitivities(Result):
-    """Derivatives of quantities with respect to parameters and speed, from `solve.sensitivities`, or of
-    critical speeds and edges of bands, from `solve.speed_sensitivities`.
+    """Derivatives of quantities with respect to parameters and speed, from `solve.sensitivities`. Also
+    derivatives of critical speeds and of edges of bands, from `solve.speed_sensitivities`.
 
     Attributes
     ----------

@@ -24,8 +24,8 @@ PEAK, QUIET = "peak", "quiet"
 
 
 class Extreme(NamedTuple):
-    """Local extremum of the first system's response at a speed (rad/s). Its kind is a peak (maximum) or a
-    quiet speed (minimum). `responses` contains the responses of all systems at this speed."""
+    """Local extremum of the first system's response at a speed (rad/s). `kind` states whether it is a peak
+    (maximum) or a quiet speed (minimum). `responses` contains the responses of all systems at this speed."""
 
     speed: float
     kind: str

@@ -190,8 +190,8 @@ class TransientMotion(Result):
     def _outputs_within(
         self, turns: Array, names: Sequence[str], s: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs (P, o, k) in the periods with indices `turns` (P,), at `s` (P, k), for q, q̇ and q̈ (P, n,
-        k). Derivatives are with respect to time."""
+        """Outputs (P, o, k) in the periods with indices `turns` (P,), at `s` (P, k) as defined for `nodes`,
+        for q, q̇ and q̈ (P, n, k). Derivatives are with respect to time."""
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(array, 1, 0).reshape(self.system.n, -1) for array in (q, qd, qdd))

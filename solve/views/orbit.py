@@ -115,7 +115,7 @@ def _draw_curve(
 
 
 def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
-    """Return the harmonics to draw: all up to the highest that is visible in any spectrum."""
+    """Return the harmonics to draw: all harmonics up to the highest one that is visible in any spectrum."""
     least = FLOOR if scale == "dB" else VISIBLE
     spectra = [motion.amplitudes[1:] for motion in motions.values()]
     visible = (np.flatnonzero(spectrum > least * spectrum.max()) for spectrum in spectra)

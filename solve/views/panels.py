@@ -23,8 +23,8 @@ _BETWEEN = 16
 """Number of line segments that are drawn between two computed points of a curve."""
 
 _ALIKE = 1e-6
-"""Differences of spectral radii from 1 up to this size count as round-off, and the axis does not resolve
-them."""
+"""Difference between a spectral radius and 1 that counts as round-off. The axis does not resolve smaller
+differences."""
 
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _FEW = 60

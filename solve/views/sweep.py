@@ -68,7 +68,7 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 @tables.register(Sweep)
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
     """Table with one row per point. It contains the largest absolute values of the quantities `names`; by
-    default, the table contains as many coordinates as fit."""
+    default, of the coordinates, as many as fit."""
     names = names or _quantities_to_draw(sweep)
     units = sweep.system.labels.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}

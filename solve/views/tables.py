@@ -91,7 +91,7 @@ def table_of(
     title: str, columns: Columns, left: int = 0, most: int | None = None, caption: str | None = None
 ) -> Table:
     """Table of the columns that have a heading. If there are more rows than `most`, only every k-th row is
-    shown, as the title then states."""
+    shown, and the title states this."""
     shown = [column for column in columns.values() if column.heading]
     rows = [*zip(*(column.texts for column in shown), strict=True)]
     step = math.ceil(len(rows) / (most or len(rows) or 1)) or 1

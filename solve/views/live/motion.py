@@ -18,8 +18,8 @@ FRAMES = 36
 point deviates from its circle by at most 0.4 %."""
 
 COARSE = 0.25
-"""Ratio of the number of points on lines while sliders move to the number in animations. Chosen by judgement:
-it reduces the computing time to a quarter."""
+"""Number of points on lines while sliders move, relative to the number of points in animations. Chosen by
+judgement: the computing time is reduced to a quarter."""
 
 
 def motion(

@@ -79,10 +79,10 @@ class Axis:
 
 @dataclass(frozen=True)
 class Survey:
-    """Request for a sweep of a model, if `y` is None, or for a chart.
+    """Request for a chart of a model or, if `y` is None, for a sweep.
 
-    `speed` is the speed in rad/s if neither axis is the speed, and `unit` the unit of the slider of the
-    speed. `of` is the name of the quantity.
+    `speed` is the speed in rad/s if neither axis is the speed. `unit` is the unit of the slider of the speed.
+    `of` is the name of the quantity.
     """
 
     model: Model
