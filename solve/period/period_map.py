@@ -36,9 +36,10 @@ _ROUNDING = 8.0
 counts as zero. Chosen by judgement."""
 
 _RESTS = 512 * EPS
-"""Upper limit, for any condition number, of the ratio of a state to the sum of the moduli of its terms that
-counts as zero, divided by the growth of round-off over the steps. Measured on 540 orbits with absorbers that
-are detuned by 2e-12 or more: with 512, no error exceeds 10 times its estimate; with 5600, 3 errors do."""
+"""Upper limit, for any condition number, of the ratio of a state to the sum of the moduli of its terms below
+which the state counts as zero. The limit is multiplied by the growth of round-off over the steps. Measured on
+540 orbits with absorbers that are detuned by 2e-12 or more: with 512, no error exceeds 10 times its estimate;
+with 5600, 3 errors do."""
 
 REGULAR = 1e13
 """Upper limit of the condition number of a system that is regular in some units of the states. Chosen by
@@ -68,7 +69,7 @@ class Steps:
     b: Array
 
     def where(self, points: Array) -> "Steps":
-        """Set A and b to zero except at the selected points. `points` is a mask (P,)."""
+        """Return the maps with A and b set to zero except at the selected points. `points` is a mask (P,)."""
         if points.all():
             return self
         A, b = (np.where(points.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (self.A, self.b))
@@ -225,14 +226,16 @@ def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
 
 
 def rest_threshold(rounding: Array, growth: float) -> Array:
-    """Ratio (...) of a sum to its terms below which the sum counts as round-off. `rounding` (...) is the
-    relative round-off, of which `growth` is due to the number of steps; see `roundoff_growth`."""
+    """Ratio (…) of a sum to its terms below which the sum counts as round-off. rounding (…): relative
+    round-off of the sum. growth: factor in `rounding` that is due to the number of steps; see
+    `roundoff_growth`."""
     return np.minimum(_ROUNDING * rounding, _RESTS * growth)
 
 
 def _exceeds(size: Array, acting: Array, rest: Array) -> Array:
-    """Mask (..., N) of the moduli `size` (..., N) of states that exceed the threshold `rest` (...), relative
-    to the largest of the sums `acting` (..., N) of the moduli of their terms."""
+    """Return a mask (..., N) of the states whose modulus `size` (..., N) exceeds the threshold `rest` (...).
+    `acting` (..., N) contains the sums of the moduli of the terms of the states; the threshold is relative to
+    the largest of these sums."""
     return size > rest[..., None] * acting.max(axis=-1, keepdims=True)
 
 

@@ -102,8 +102,8 @@ class Quantities:
         return bool(np.ptp(np.diff(self.curve.nodes)) <= 1e-12 * self.period)
 
     def amplitudes(self, quantities: list[int], count: int) -> Array:
-        """Return the signed mean and the single-sided amplitudes of `count` harmonics, (P, k, count + 1), of
-        k selected quantities."""
+        """For each of k selected quantities, return the signed mean, followed by the single-sided amplitudes
+        of `count` harmonics. The result is an array (P, k, count + 1)."""
         steps, enough = len(self.curve.nodes) - 1, enough_samples(self.values.shape[-1], count)
         values = self.values if enough == self.values.shape[-1] else self.sampled(-(-enough // steps))
         return spectrum(values[:, quantities], count)[0]

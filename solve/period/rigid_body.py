@@ -44,8 +44,8 @@ class RigidBodyModes:
     vectors (P, n, r): modes e, with component 1 at the reference coordinate; columns are zero if a point has
     fewer than r modes. references (P, r): indices of the reference coordinates. damped (P, r): whether C e ≠
     0; undamped modes come first. errors (P, r): largest |K e| over the period, relative to Σ|K_ij e_j|.
-    momentum (P, 2n): row ψ of the momentum ψ(q, q′) at phase 0, if it is conserved although C e ≠ 0, for
-    example if C is the rate of a varying M; zero without such a momentum."""
+    momentum (P, 2n): row ψ for which ψ(q, q′) is a momentum at phase 0 that is conserved although C e ≠ 0,
+    for example because C is the rate of a varying M; zero without such a momentum."""
 
     vectors: Array
     references: Array

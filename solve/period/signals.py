@@ -19,8 +19,8 @@ FIGURES = Statistics._fields
 LEAST_SAMPLES = 2048
 _SAMPLES_PER_STEP = 4
 ZOOMS, ROUGH = 6, 3
-"""Numbers of refinements of an extremum and of another candidate. Each refinement reduces the interval to a
-sixteenth. Chosen by judgement."""
+"""Numbers of refinements of an extremum, and of a sample that may be near a larger one. Each refinement
+reduces the interval to a sixteenth. Chosen by judgement."""
 
 ZOOM = np.linspace(-1.0, 1.0, 33)
 
@@ -109,9 +109,9 @@ def _above(
 ) -> tuple[Array, Array]:
     """Return the phase (…) and the value of the highest maximum.
 
-    `centre` and `highest` are the maximum found so far. It is replaced if the curve is higher near other
-    samples; these are searched if their upper bound `reach` (…, k) exceeds it. side: the sign, and the
-    largest moduli (…)."""
+    `centre` and `highest` are the phase and the value of the maximum found so far. Samples whose upper bound
+    `reach` (…, k) exceeds `highest` are examined; a higher maximum near them replaces this one. side: the
+    sign by which the curve is multiplied, and the largest moduli (…) of the samples."""
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
