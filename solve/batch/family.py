@@ -69,8 +69,8 @@ class Family:
     def compared_entries(self, points: Array, engine: str = NUMPY) -> Iterator[tuple[Array, Array]]:
         """Yield phases (k,) and the entries (P, k, 3n² + n) at these phases, in chunks that fit into memory.
 
-        The phases are those of the error estimate of a single point, and further phases between the breaks of
-        all points."""
+        The phases are the fixed phases at which the error estimate of a single point compares the
+        coefficients, and the middle of each interval between neighbouring breaks of any point."""
         breaks = {b for group, _ in self.by_breaks(points) for b in group or ()}
         phases = compared_phases(self.example.period, tuple(breaks))
         size = 8 * len(phases) * len(points) * (3 * self.example.n**2 + self.example.n)

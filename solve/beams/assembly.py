@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     import casadi
 
 TERMS = np.zeros((5, 3, 3))
-"""Coefficients of the products of 1, c, s as linear combinations of 1, c, s, c², cs, with s² = 1 − c²."""
+"""Products of two of the functions 1, c, s. `TERMS[:, i, j]` contains the coefficients of 1, c, s, c², cs in
+the product of functions i and j, with s² = 1 − c²."""
 for _row, _i, _j, _sign in (
     *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
     *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
@@ -242,7 +243,8 @@ class Positions:
         return self._with_exact(np.tensordot(self.terms[index], self.beams.mass, 2), index, functions)
 
     def interior_count(self, omega: Array) -> Array:
-        """Number J0 (b,) of frequencies below ω (b,) at which no node moves (thesis, Eq. (5.21))."""
+        """Number J0 (b,) of natural frequencies below ω (b,) of the elements with clamped ends (thesis, Eq.
+        (5.21))."""
         counts = np.zeros(len(omega), dtype=int)
         for member in self.beams.exact_links:
             counts += member.interior_count(omega)

@@ -163,7 +163,7 @@ def contributions(state: State, output: str, values: Callable[[State], Array], c
 
 
 def tracked_modes(M: Array, K: Array, count: int) -> Modes:
-    """Lowest modes at the first of the positions (k, n, n), tracked over all positions.
+    """Lowest `count` modes at the first of k positions, tracked over all positions. M and K are (k, n, n).
 
     At the next position, a mode is continued by the most similar mode (modal assurance criterion). Signs are
     chosen so that the mode is continuous."""

@@ -204,7 +204,8 @@ class StructureModel(Model, Outputs):
 
     @cached_property
     def observed(self) -> dict[str, tuple[str, str, float]]:
-        """Mapping from outputs to the kind, the link and the fraction of the length of the link."""
+        """Mapping from names of outputs to kind, link and position. The position is a fraction of the length
+        of the link."""
         return dict(zip(self.outputs, self.module.OBSERVED, strict=True))
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:

@@ -151,8 +151,8 @@ class Spectrum:
 
     @cached_property
     def errors(self) -> Array:
-        """Estimated relative error of each ρ (N,), with the error of a reduction; NaN if not accurate to one
-        digit."""
+        """Estimated relative error (N,) of each ρ, including the error of a reduction; NaN if not accurate to
+        one digit."""
         logarithms, errors = self._logarithms_and_errors
         errors = np.maximum(errors, self._reduction_errors(logarithms))
         return np.where(errors < NO_DIGIT, errors, np.nan)
@@ -165,12 +165,13 @@ class Spectrum:
         return rho[(2 * errors < NO_DIGIT * np.abs(rho)) & (self.refined is None)]
 
     def logarithm(self, at: int) -> complex:
-        """Return log ρ of the multiplier with index `at`. A leading one is computed without the others."""
+        """Return log ρ of the multiplier with index `at`. A leading multiplier is computed without the
+        others."""
         leading = self.leading
         return complex(np.log(leading[at]) if at < len(leading) else self.logarithms[at])
 
     def multiplier(self, at: int) -> complex:
-        """Return the multiplier ρ with index `at`. A leading one is computed without the others."""
+        """Return the multiplier ρ with index `at`. A leading multiplier is computed without the others."""
         return complex(exponential(np.array(self.logarithm(at))))
 
     @property
@@ -271,8 +272,8 @@ class Spectrum:
         return logarithms, errors
 
     def _with_interpolation(self, factors: Factors) -> Array:
-        """Return the errors (N,) of multipliers from factors, with the error of interpolation, which is
-        relative to the spectral radius. They are NaN for multipliers that are not accurate to one digit."""
+        """Return the relative errors (N,) of the multipliers of the factors, including the error of
+        interpolation. An error is NaN if the multiplier is not accurate to one digit."""
         sizes, errors = np.real(factors.logarithms), factors.errors
         for interpolation in self.certified.interpolation:
             if interpolation.multipliers > 0:

@@ -86,8 +86,8 @@ def aliased_harmonics(points: Points, loads: bool, resolved: int) -> Array:
 
 
 def _entries(entry: Array) -> tuple[Array, Array]:
-    """Return the distinct indices (E,) among the ascending indices `entry` (R,), one per term, and the
-    position (E,) of the first term of each entry."""
+    """Return the distinct entries among those to which the terms belong, and the position (E,) of the first
+    term of each entry. `entry` (R,): ascending indices of the entries, one per term."""
     starts = np.concatenate(([0], (entry[1:] != entry[:-1]).nonzero()[0] + 1))
     return entry[starts], starts
 

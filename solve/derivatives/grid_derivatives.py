@@ -141,9 +141,10 @@ class GridDerivatives:
         return GridMultipliers(self._original, self.solved.spectrum)
 
     def log_multiplier_derivatives(self, at: int, modulus: bool, sizes: bool = False) -> Array:
-        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus`, for the multiplier with index `at`.
+        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus` is true, for the multiplier with index `at`.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
+        If `sizes` is true, return instead, for each derivative, the estimated size of the terms of its sum.
+        """
         problem, multipliers = self.problem, self._multipliers
         n, phases = problem.point.n, problem.phases[:, problem.stages].ravel()
         vectors = multipliers.vectors(at)
@@ -178,9 +179,10 @@ class GridDerivatives:
         return (self.nodes[nodes[jumps]] != 0).any(axis=0)
 
     def slopes(self, quantities: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
-        """For each of `quantities`, the derivatives (r,), or the reason why they do not exist.
+        """For each of `quantities`, return the derivatives (r,), or the reason why they do not exist.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
+        If `sizes` is true, return instead, for each derivative, the estimated size of the terms of its sum.
+        """
         derivatives: list[Any] = []
         of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
         if of_orbit:
@@ -205,7 +207,8 @@ class GridDerivatives:
     def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
         """Derivatives (r,) of a quantity that depends on a multiplier. Raises NoDerivativeError.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
+        If `sizes` is true, return instead, for each derivative, the estimated size of the terms of its sum.
+        """
         at = multiplier_position(self.solved, quantity)
         _require_simple(self.solved, at, quantity)
         modulus = quantity.subject == RADIUS or quantity.figure == "abs"

@@ -34,8 +34,8 @@ _PARAMETERS_PER_ADJOINT = 2
 statistic."""
 
 _ROUNDOFF = 1e-13
-"""Round-off error of a derivative, relative to the sum of the moduli of its terms. Chosen by judgement: a few
-hundred eps."""
+"""Round-off error of a derivative, relative to the estimated size of the terms of its sum. Chosen by
+judgement: a few hundred eps."""
 
 
 @of_system

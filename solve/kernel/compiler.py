@@ -35,7 +35,8 @@ steps with one coordinate, relative to GCC: 1.23 times the time without the flag
 Xeon, Zig 0.17)."""
 
 _ZIG = ("-fno-sanitize=all",)
-"""Flags of Zig's C compiler. By default, its code checks for undefined behaviour at run time."""
+"""Flags of Zig's C compiler. Without these flags, the compiled code checks for undefined behaviour at run
+time."""
 
 _HEADERS = Path(__file__).parent
 _SECONDS = 300.0

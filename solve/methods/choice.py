@@ -58,7 +58,8 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
 
 
 def damping(coordinates: int) -> Radau:
-    """Radau IIA method. Its order is the one that is faster for this number of coordinates."""
+    """Radau IIA method of the order that is faster for this number of coordinates: 13 for few coordinates,
+    otherwise 9."""
     return _RADAU_OF_FEW if coordinates <= _FEW else RADAU
 
 

@@ -76,9 +76,9 @@ class Collocation:
         return Constants((name, np.ascontiguousarray(part)) for name, part in found.items())
 
     def bytes_a_step(self, n: int) -> int:
-        """Memory in bytes per step for n coordinates. It contains stage accelerations, maps with their
-        products, and the same data of the coarser grid; also samples and right-hand sides if steps are solved
-        in one call."""
+        """Memory in bytes per step for n coordinates. It includes stage accelerations, maps and their
+        products, and the same data of the coarser grid. If steps are solved in one call, it also includes
+        samples and right-hand sides."""
         s = len(self.c)
         kept = s * n * (2 * n + 1) + 16 * n**2
         together = s * (3 * n**2 + n) + s * n * (2 * n + 1) + 4 * n**2

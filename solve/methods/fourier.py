@@ -137,8 +137,8 @@ def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
 
 
 def differentiation(grid: Grid) -> Array:
-    """Matrix (m, m) for differentiation with respect to the phase of the trigonometric interpolant through m
-    uniform nodes, m odd."""
+    """Matrix (m, m) that differentiates a trigonometric interpolant with respect to the phase. The
+    interpolant passes through m uniform nodes, m odd."""
     m = grid.steps
     offset = np.arange(m)[:, None] - np.arange(m)
     with np.errstate(divide="ignore"):
@@ -185,8 +185,8 @@ def _mean_order(p: Array) -> Array:
 
 
 def _alike(exponents: Array, rotation: float) -> bool:
-    """Whether the difference between two of the exponents (N,) is nearly a multiple of i·rotation. The two
-    may then belong to the same solution, with p(0) changed by truncation."""
+    """Whether any two of the exponents (N,) differ by nearly a multiple of i·rotation. They may then belong
+    to the same solution, with p(0) changed by truncation."""
     return any((~_apart(exponents[at + 1 :] - exponents[at], rotation)).any() for at in range(len(exponents)))
 
 

@@ -168,9 +168,9 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
 
 
 def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
-    """Return the scale (P, r) of the acceleration along each mode: the largest acceleration, with respect to
-    the phase, of a coordinate that the mode moves, divided by the component of this coordinate in the
-    mode."""
+    """Return the scale (P, r) of the acceleration along each mode, with respect to the phase. For each
+    coordinate that the mode moves, the largest acceleration is divided by the component of this coordinate in
+    the mode; the scale is the largest of these ratios."""
     rate = 1.0 / float(curve.nodes[-1])
     sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
     along = np.abs(modes.vectors)

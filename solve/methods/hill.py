@@ -21,7 +21,7 @@ from solve.system import PeriodicSystem
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128
 
 Problem = Callable[[float], tuple[PeriodicSystem, float]]
-"""Type of functions of the value of a parameter that return a system and a speed in rad/s."""
+"""Type of functions that take the value of a parameter, and return a system and a speed in rad/s."""
 
 
 @dataclass(frozen=True)

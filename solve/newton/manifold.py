@@ -32,7 +32,8 @@ than the one before. Chosen by judgement."""
 
 _QUADRATIC, _SAFETY = 1e-2, 10.0
 """Norm of a correction below which the convergence counts as quadratic, and safety factor on the predicted
-size of the next correction, size³/last². Chosen by judgement."""
+norm of the next correction. The prediction is size³/last², where `last` and `size` are the norms of the last
+two corrections. Chosen by judgement."""
 
 _RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.1, 1e-10
 """Upper limit of the last correction as a fraction of rtol, if this is smaller than `_MAX_LAST_CORRECTION`;

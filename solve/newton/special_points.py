@@ -48,7 +48,8 @@ larger than that of the other one."""
 Test = Callable[[Point], float]
 
 Path = tuple[Callable[[float], Point], float]
-"""Function that returns the point at a length along a path between two points, and the length of the path."""
+"""Type of paths between two points: a function that returns the point at a length along the path, and the
+length of the path."""
 
 
 def special_points(
@@ -193,10 +194,10 @@ def _zero(lengths: Sequence[float], values: Sequence[float], end: float) -> floa
 
 
 def _between(points: Sequence[Point], lengths: Sequence[float], length: float) -> Point:
-    """Return the point at a length along a path by polynomial interpolation between points at `lengths`.
-    Error estimates are the largest ones of the points. Multipliers are interpolated between points at which
-    as many of them are real as at the nearest point; the one nearest to +1 is then set to +1, and its change
-    is included in the error of the spectral radius."""
+    """Return the point at a length along a path by polynomial interpolation between points at `lengths`. The
+    error estimates are the largest among the points. Multipliers are interpolated only between points with as
+    many real multipliers as the nearest point. The multiplier nearest to +1 is then set to +1; this change is
+    included in the error of the spectral radius."""
 
     def mean(values: Sequence[Array], chosen: Sequence[int]) -> Array:
         at = np.array(lengths)[list(chosen)]

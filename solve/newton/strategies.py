@@ -35,8 +35,8 @@ _MAX_PERIODS = 80
 
 _TRIAL_INTERVAL = 5
 """Number of periods between trials of Newton's iteration from a transient that has not settled. Measured for
-gears that rattle, at 30 speeds: with 5, a stable orbit is found at 17 speeds, with 16 at 13. The search takes
-1.5 times as long."""
+gears that rattle, at 30 speeds: with 5 periods, a stable orbit is found at 17 speeds; with 16 periods, at 13
+speeds. With 5 periods, the search takes 1.5 times as long as with 16."""
 
 _RTOL = 1e-6
 """Relative tolerance of the transient. Chosen by judgement: far below the change that counts as settled."""

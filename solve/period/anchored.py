@@ -57,8 +57,7 @@ class Anchored(DerivedPoints):
         return self.modes.measures if self.weights is None else self.weights
 
     def tables(self, phase: Array) -> Tables:
-        """Tables of the anchored equations: a multiple of M is added to C, and multiples of C and M are added
-        to K."""
+        """Tables of the anchored equations. Multiples of M are added to C, and multiples of C and M to K."""
         n, tables, modes = self.n, self.points.tables(phase), self.modes
         (alpha, beta), along = self._rates, modes.vectors
         twice = beta * ~modes.damped

@@ -237,8 +237,8 @@ class FrozenModes:
 
     @property
     def _coupling(self) -> tuple[Array, Array]:
-        """Return two means over the period of the moduli of the accelerations: those caused by each
-        coordinate together with its rate (P, n, n), and those caused by the load (P, n)."""
+        """Return mean moduli of the accelerations over the period. The first array (P, n, n) contains the
+        effect of each coordinate and its rate; the second array (P, n) contains the effect of the load."""
         n = self.n
         M, C, K, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
         M, C, K = by_rates(M, C, K, self._first_order)

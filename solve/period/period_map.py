@@ -226,7 +226,7 @@ def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
 
 
 def rest_threshold(rounding: Array, growth: float) -> Array:
-    """Ratio (…) of a sum to its terms below which the sum counts as round-off. rounding (…): relative
+    """Ratio (...) of a sum to its terms below which the sum counts as round-off. rounding (...): relative
     round-off of the sum. growth: factor in `rounding` that is due to the number of steps; see
     `roundoff_growth`."""
     return np.minimum(_ROUNDING * rounding, _RESTS * growth)
