@@ -284,8 +284,9 @@ class Positions:
         return self.beams.properties.length * np.exp(1j * self.angle)
 
     def _with_exact(self, finite: Array, index: Array, functions: list[Array]) -> Array:
-        """Matrices (b, n, n): the matrices `finite` (b, N, N) of finite elements plus those of exact links,
-        reduced for inextensible links. functions: for each exact link, the eight functions (b, 8)."""
+        """Matrices (b, n, n) of the structure, reduced for inextensible links. The contribution of the exact
+        links is added to `finite` (b, N, N), the contribution of the finite elements. functions: for each
+        exact link, the eight functions (b, 8)."""
         if functions:
             terms = self.terms[index][:, [member.number for member in self.beams.exact_links], None, :]
             weights = np.stack(functions, axis=1)[..., None] * terms

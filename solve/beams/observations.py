@@ -97,8 +97,8 @@ def _joint_force(state: State, member: Member, place: int) -> tuple[Array, Array
 
 
 def _element_forces(state: State, member: Member, index: int) -> Array:
-    """Forces (k, freedoms) on an element in link axes. They are the left-hand side of its equations of
-    motion."""
+    """Forces (k, freedoms) on an element in link axes. They are the left-hand side of the equations of motion
+    of the element."""
     number = member.number
     q, qd, qdd = (state.local(member, index, order) for order in range(3))
     accelerations = qdd + state.rigid_accelerations[number][:, index]

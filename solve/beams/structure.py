@@ -69,8 +69,8 @@ class StructureModel(Model, Outputs):
     ):
         """Assemble the model.
 
-        matrices, coordinates: reduced matrices, and name, unit and meaning of each reduced coordinate, if
-        they replace those of the motion. `expanded` then returns all degrees of freedom."""
+        matrices: reduced matrices that replace those of `motion`, if any. coordinates: name, unit and meaning
+        of each reduced coordinate. If they are given, `expanded` returns all degrees of freedom."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]

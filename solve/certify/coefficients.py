@@ -86,8 +86,8 @@ def aliased_harmonics(points: Points, loads: bool, resolved: int) -> Array:
 
 
 def _entries(entry: Array) -> tuple[Array, Array]:
-    """Return the distinct entries among those to which the terms belong, and the position (E,) of the first
-    term of each entry. `entry` (R,): ascending indices of the entries, one per term."""
+    """Return the indices (E,) of the distinct entries, and the position (E,) of the first term of each entry.
+    `entry` (R,): index of the entry to which each term belongs, in ascending order."""
     starts = np.concatenate(([0], (entry[1:] != entry[:-1]).nonzero()[0] + 1))
     return entry[starts], starts
 

@@ -46,11 +46,11 @@ or twice this value, 80 estimates for stiff modes in rotated axes are still not 
 close to them."""
 
 _COEFFICIENTS = 1e-3
-"""Relative difference between coefficients and their interpolant below which its effect is not computed, as a
-fraction of `rtol` times the stiffness ratio of the softest and the stiffest mode. The response amplifies this
-difference by at most the phase advance of a resolved mode, a few hundred radians. With half or twice this
-value, the errors of 65 results on 14 random test systems stay within their estimates, and the verdicts are
-the same."""
+"""Relative difference between coefficients and their interpolant below which the effect of the difference is
+not computed. It is a fraction of `rtol` times the ratio of the stiffnesses of the softest and the stiffest
+mode. The response amplifies this difference by at most the phase advance of a resolved mode, a few hundred
+radians. With half or twice this value, the errors of 65 results on 14 random test systems stay within their
+estimates, and the verdicts are the same."""
 
 _AMPLIFICATION = 100.0
 """Assumed factor by which the response amplifies aliased harmonics of the coefficients: the amplification at
@@ -58,9 +58,9 @@ a resonance with a damping ratio of 0.5 %."""
 
 
 def better_method(method: Method) -> tuple[Method, int]:
-    """Return a more accurate method with which a method is compared, and the ratio of their numbers of steps.
-    The more accurate method has one more stage on the same grid. If there is no such method, it is the same
-    method with twice as many steps."""
+    """Return the more accurate method with which `method` is compared, and the ratio of their numbers of
+    steps. The more accurate method has one more stage on the same grid. If there is none, `method` is
+    compared with itself with twice as many steps."""
     higher = method.with_another_stage
     return (method, 2) if higher is None else (higher, 1)
 
@@ -194,8 +194,8 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
     of these points.
 
     The difference of the orbits is the maximum of max|difference|/max|q| over all coordinates. A coordinate
-    that is zero except for round-off, such as that of the mass at a tuned absorber, is compared with the
-    displacement that all loads on it would cause."""
+    that is zero except for round-off, such as the coordinate of a mass with a tuned absorber, is compared
+    with the displacement that all loads on it would cause."""
     multipliers = coarse.multipliers.difference(fine.multipliers)
     orbit = np.zeros(len(multipliers))
     if coarse.curve is not None and fine.curve is not None:

@@ -146,8 +146,8 @@ def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, spee
 
 
 def _multiplier_shifts(rho: Array, better: Array) -> Array:
-    """Return the distances (N,) between multipliers and those of a larger system (N',), matched one to
-    one."""
+    """Match the multipliers `rho` (N,) one to one with multipliers `better` (N',) of a larger system. Return
+    the distances (N,)."""
     distance = np.abs(rho[:, None] - better)
     return distance[matched(distance)]
 
@@ -224,8 +224,8 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
 
 
 def _ratios(kept: list[int], changes: list[Array]) -> Array:
-    """Return the ratios (2,) between the effects of successive multiples of the spacing, at most 1. With a
-    single effect, they are 1.
+    """Return the ratios (2,) between the effects of successive multiples of the spacing, at most 1. If there
+    is only one effect, the ratios are 1.
 
     kept: multiples of the spacing above which harmonics are omitted. changes: the effects (2,) on orbit and
     multipliers."""

@@ -212,8 +212,8 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 
 
 def _singular(points: Points, positions: Array, phases: Array) -> Iterator[tuple[int, MatricesError]]:
-    """Yield those points at `positions` with an M that is singular at or near one of the `phases`, and the
-    exceptions for them."""
+    """Yield the index of each of the points with the indices `positions` whose M is singular at or near one
+    of the `phases`, and the exception for it."""
     for position in positions.tolist():
         phase = _singular_phase(points[np.array([position])], phases)
         if phase is not None:

@@ -58,7 +58,7 @@ class GridDerivatives:
 
     @cached_property
     def problem(self) -> PeriodicProblem:
-        """Linear periodic problem of the orbit. For a free machine, it is that of the anchored system."""
+        """Linear periodic problem of the orbit or, for a free machine, of the anchored system."""
         system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
         point = SinglePoint(system, self.solved.speed)
@@ -226,8 +226,8 @@ class GridDerivatives:
 
 
 def multiplier_position(solved: Stability, quantity: Named) -> int:
-    """Index of the multiplier on which a quantity depends. For the spectral radius, it is the first one that
-    does not belong to a rigid-body mode."""
+    """Index of the multiplier on which a quantity depends. For the spectral radius, it is the first
+    multiplier that does not belong to a rigid-body mode."""
     if quantity.number:
         return quantity.number - 1
     others = np.flatnonzero(~solved.spectrum.rigid)

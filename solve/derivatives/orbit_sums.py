@@ -165,8 +165,9 @@ class Adjoint:
 
 
 def term_sizes(summed: Callable[[Array], Array], weights: Array) -> Array:
-    """Estimated size of the terms of sums with weights (k, …): the square root of the sum of their squares.
-    This is the standard deviation of the sum if signs are random."""
+    """Estimated sum of the moduli of the terms of sums with weights (k, …): √k times the square root of the
+    sum of the squares of the k terms. The sum of the squares is estimated as the mean square of sums with
+    random signs."""
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWS, *weights.shape))
     squares = np.mean([np.abs(summed(sign * weights)) ** 2 for sign in signs], axis=0)
     return np.sqrt(len(weights) * squares)

@@ -382,7 +382,8 @@ def _power_basis(rule: Collocation, k: int) -> Array:
     """Matrix (3 k, D) that maps coefficients of powers of θ in a step to h² q″, h q′ and q at the k phases of
     the step.
 
-    At the stages, the values are those of the method. The curve agrees with them up to its order."""
+    At the stages, the values are computed as by the method; the curve agrees with these values up to its
+    order."""
     data = np.linalg.inv(rule.curve_powers)
     a, basis, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
     at_stages = a[1 : 1 + len(rule.c)]

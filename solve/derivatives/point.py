@@ -204,8 +204,9 @@ def _with_errors(
 ) -> dict[str, Sensitivity]:
     """Mapping from quantities to sensitivities with errors.
 
-    The error is the difference between the derivatives of the method and those of a method with one more
-    stage. Round-off is estimated on a coarser grid."""
+    The error is twice the difference between the derivatives by the method and by a method with one more
+    stage, plus the effect of the error of the multiplier. It is at least the round-off, which is estimated on
+    a coarser grid."""
     found = {}
     sizes = coarse.slopes(quantities, sizes=True)
     for quantity, results, size in zip(quantities, slopes, sizes, strict=True):

@@ -62,7 +62,7 @@ class Collocation:
 
     @cached_property
     def curve_nodes(self) -> tuple[float, ...]:
-        """Fractions of the step at which the accelerations of the curve are those of the solution.
+        """Fractions of the step at which the curve has the accelerations of the solution.
 
         The end of the step is added only if s ≥ 3: the quadrature must be exact for the curve, so that the
         integral of the curve agrees with the step."""

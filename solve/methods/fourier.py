@@ -206,7 +206,7 @@ def _closed(X: Array, exponent: Array) -> Array:
 def _invariant_subspaces(
     A: Array, exponents: Array, vectors: Array, N: int, rotation: float
 ) -> tuple[Array, Array]:
-    """Matrices Z and T with A Z = Z T, for the first N exponents of which no two differ by a multiple of
+    """Matrices Z and T with A Z = Z T, for the first N exponents among which no two differ by a multiple of
     i·rotation.
 
     Exponents and eigenvectors are in order of preference. Multiple exponents are treated as a cluster, so

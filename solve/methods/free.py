@@ -80,8 +80,8 @@ def solutions_on(
 ) -> Solutions:
     """Solve points, some of which may have rigid-body modes, by a method on a grid.
 
-    For points with rigid-body modes, the monodromy matrices are those of the motion relative to the modes,
-    see `Anchored.quotient`, and the orbits have zero mean along the modes."""
+    For points with rigid-body modes, the monodromy matrices describe the motion relative to the modes (see
+    `Anchored.quotient`). The orbits have zero mean along the modes."""
     method.require_order(points)
     if held is None:
         return method.solutions(points, grid, orbit, engine)
@@ -153,8 +153,8 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
     """Return states, condition numbers and gained momenta of solutions that a jump of the momentum at phase 0
     makes periodic.
 
-    The states (P, m+1, N, 2) are those of two solutions. After the jump, the momentum is 0 in the first
-    solution (with loads) and 1 in the second (without loads). The gained momentum (P,) is that of the first
+    The states (P, m+1, N, 2) belong to two solutions. After the jump, the momentum is 0 in the first solution
+    (with loads) and 1 in the second (without loads). The gained momentum (P,) is the gain of the first
     solution per period. rows, units (P, N): see `Anchored.momentum`."""
     A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
     loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)

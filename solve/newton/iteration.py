@@ -1,7 +1,7 @@
 """Newton's iteration for a nonlinear orbit (Newton–Kantorovich). Each correction solves the linear periodic
 problem along the last curve (U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value
-Problems, 2.3.4). A correction is damped if its full length would not reduce the norm of the next one (P.
-Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
+Problems, 2.3.4). A correction is damped if its full length would not reduce the norm of the next correction
+(P. Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
 
 import math
 from collections.abc import Sequence

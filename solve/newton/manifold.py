@@ -109,9 +109,9 @@ class Manifold:
         check: Callable[[Unknowns, Unknowns], None] | None = None,
         curvature: Unknowns | None = None,
     ) -> tuple[Point, int]:
-        """Return the point at given lengths from `before` along directions, one per parameter, and its number
-        of corrections. If all lengths are 0, the components along the directions also remain fixed when the
-        grid is refined.
+        """Return the point at the distances `lengths` from `before` along `directions`, one per parameter.
+        Also return the number of corrections. If all lengths are 0, the components along the directions also
+        remain fixed when the grid is refined.
 
         check: function that is called with the converged unknowns and their first tangent. It raises
         SolveError to reject the point before the errors are estimated, which takes as long as the iteration.

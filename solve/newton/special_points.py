@@ -43,7 +43,7 @@ _MIN_POINTS = 6
 _DEGREE_FRACTION = 0.1
 """Largest permitted difference, as a fraction of rtol, between the parameters at zeros of polynomials of two
 degrees. Chosen by judgement: the difference is the error of the polynomial of lower degree, which is far
-larger than that of the other one."""
+larger than the error of the polynomial of higher degree."""
 
 Test = Callable[[Point], float]
 
@@ -77,8 +77,8 @@ def _tests(before: Point, after: Point, branches_cross: bool) -> dict[str, Test]
     """Return the test functions that have a zero between two points. The keys are the kinds of the special
     points.
 
-    A branch that turns back at a branching point, such as that of the orbits without symmetry, has no fold
-    there."""
+    A branch that turns back at a branching point, such as the branch of the orbits without symmetry, has no
+    fold there."""
     tests: dict[str, Test] = {}
     if before.direction.value * after.direction.value < 0:
         tests[BRANCHING if branches_cross else FOLD] = lambda point: point.direction.value
@@ -245,7 +245,7 @@ def zero_between(
 
     function: function that returns, for an argument, its value and a point. ends, values: two arguments and
     the values there, which have different signs. agree: function that returns whether two successive points
-    agree. reached: point with which the first one is compared. Raises NoOrbitError."""
+    agree. reached: point with which the first point is compared. Raises NoOrbitError."""
     (low, high), (first, second), kept = ends, values, False
     most = _ZERO * abs(second - first)
     for _ in range(_MAX_REFINEMENTS):

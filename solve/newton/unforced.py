@@ -43,8 +43,8 @@ _ACCURATE = 1e-6
 an orbit that just touches a hard stop could count as detuning."""
 
 _NARROWEST = 1e-4
-"""Relative distance between an amplitude at which an orbit is found and one at which none is found, below
-which the search for the first orbit ends. Chosen by judgement."""
+"""The search for the first orbit ends if the relative distance between an amplitude with an orbit and an
+amplitude without an orbit is below this value. Chosen by judgement."""
 
 _IS_ZERO = 1e-9
 """Size of damping terms, and of variations of the coefficients, that counts as zero, relative to the

@@ -153,7 +153,8 @@ class Curve(PeriodicCurve):
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
     def joined(self, other: "Curve") -> "Curve":
-        """Curve of the coordinates of this curve, followed by those of another curve with the same nodes."""
+        """Curve of the coordinates of this curve, followed by the coordinates of `other`, which has the same
+        nodes."""
         return Curve(self.nodes, np.concatenate((self.coefficients, other.coefficients), axis=-3))
 
     @cached_property

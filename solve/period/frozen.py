@@ -134,8 +134,8 @@ class FrozenModes:
         return self.n == 1 and not self._first_order
 
     def has_steady_inertia(self) -> Array:
-        """Mask (P,) of the points at which det M has the same sign at every phase, and its modulus always
-        exceeds the fraction `_STEADY` of its median."""
+        """Mask (P,) of the points at which det M, at every phase, has the same sign and a modulus above the
+        fraction `_STEADY` of the median modulus."""
         if self._is_oscillator and not self._tables.per_point:
             low, high = self._ranges
             steady = (low[0] > _STEADY * high[0]) | (high[0] < _STEADY * low[0])
@@ -192,8 +192,8 @@ class FrozenModes:
         """Return moduli (P, N) and decay factors (P, N).
 
         The modulus of an eigenvalue is its maximum over every 16th phase; moduli are in ascending order. The
-        decay factor of a mode is exp(σT) with the mean σ of its growth rate over the same phases. It is
-        divided by the factor of the least damped mode, or by `UNDERFLOW` if that factor is below `UNDERFLOW`.
+        decay factor of a mode is exp(σT) with the mean σ of its growth rate over the same phases. Each factor
+        is divided by the factor of the least damped mode, or by `UNDERFLOW` if this is larger.
         """
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
@@ -249,8 +249,8 @@ class FrozenModes:
         """Estimate the displacements (P, n) that the forces on each coordinate cause against its own
         stiffness.
 
-        The forces are those of the other coordinates, which have amplitudes `sizes` (P, n), and the largest
-        load, in balanced units of the equations."""
+        The forces are exerted by the other coordinates, which have amplitudes `sizes` (P, n), and by the
+        largest load in balanced units of the equations."""
         coupling, load = self._coupling
         units = balance_matrices(coupling)[1]
         largest = units * (load / units).max(axis=1, keepdims=True)

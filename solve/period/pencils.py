@@ -126,8 +126,8 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
 
 def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) -> Array:
     """Return the amplitude (…) of the least damped fast mode after one period, relative to its initial
-    amplitude and at most 1. A mode is fast if its phase advance per period exceeds `limit` (…); the fastest
-    mode always counts as fast.
+    amplitude. The returned value is at most 1. A mode is fast if its phase advance per period exceeds `limit`
+    (…); the fastest mode always counts as fast.
 
     eigenvalues (…, k, 2n): eigenvalues of the system frozen at k phases."""
     moduli = np.abs(eigenvalues)

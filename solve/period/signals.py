@@ -71,13 +71,13 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
 
 
 def _known(values: Array) -> Array:
-    """Return values (…, k), of which all k are replaced by NaN if one of them is not finite."""
+    """Return `values` (…, k). If one of the k values is not finite, all k are replaced by NaN."""
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
 def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list[tuple[Array, Array]]:
-    """Return the phase (…) and the value of the maximum, then those of the minimum. The value of the minimum
-    has the opposite sign.
+    """Return the phase (…) and the value of the maximum, and the phase and the value of the minimum. The
+    value of the minimum has the opposite sign.
 
     Each extremum is sought near the largest sample (the first if several are equal), and near lower samples
     if the curve may be higher there."""
@@ -110,8 +110,9 @@ def _above(
     """Return the phase (…) and the value of the highest maximum.
 
     `centre` and `highest` are the phase and the value of the maximum found so far. Samples whose upper bound
-    `reach` (…, k) exceeds `highest` are examined; a higher maximum near them replaces this one. side: the
-    sign by which the curve is multiplied, and the largest moduli (…) of the samples."""
+    `reach` (…, k) exceeds `highest` are examined; a higher maximum near one of them replaces the maximum
+    found so far. side: the sign by which the curve is multiplied, and the largest moduli (…) of the samples.
+    """
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
