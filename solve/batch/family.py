@@ -22,7 +22,8 @@ from solve.period.points import SpeedPoints
 from solve.system import PeriodicSystem
 
 _CACHED_SYSTEMS = 8
-"""Number of cached systems, those with the most recent values of the parameters. Chosen by judgement."""
+"""Number of cached systems. The systems with the most recent parameter values are cached. Chosen by
+judgement."""
 
 _REPRESENTATIVES = 8
 """Approximate number of points that are sampled at all compared phases. Measured: sampling them takes 1 % of
@@ -272,8 +273,7 @@ class BuiltFamily(Family):
 
 
 def representative(points: Array) -> Array:
-    """Return about `_REPRESENTATIVES` of the points (P, v), which are equally spaced in the order of the
-    points."""
+    """Return about `_REPRESENTATIVES` of the points (P, v), equally spaced in the sequence of the points."""
     return points[:: max(1, len(points) // _REPRESENTATIVES)]
 
 

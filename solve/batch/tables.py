@@ -226,8 +226,9 @@ def _scales(largest: Array, n: int) -> Array:
 
 
 def _pivots(samples: Array) -> tuple[Array, Array, Array]:
-    """Return rows and columns (J, E) of the pivots of cross approximations, for every entry of samples (T, k,
-    E), and a mask (J, E) of significant pivots. Samples are relative to the largest value of each row."""
+    """Select pivots of a cross approximation for every entry of `samples` (T, k, E). Return their rows (J, E)
+    and columns (J, E), and a mask (J, E) of the significant pivots. Samples are relative to the largest value
+    of each row."""
     size = np.abs(samples).max(axis=1, keepdims=True)
     rest = samples / np.where(size > 0, size, 1.0)
     T, k, E = samples.shape

@@ -257,8 +257,8 @@ class Positions:
 
     @cached_property
     def joints(self) -> Array:
-        """Positions x + iy (m) of the joints, as an array (m, joints). The first supported joint is at 0; see
-        `placed`."""
+        """Positions x + iy of the joints in metres, as an array (m, joints). The first supported joint is at
+        0; see `placed`."""
         return self.placed(self._spans)
 
     def placed(self, spans: Array) -> Array:
@@ -343,8 +343,8 @@ class Positions:
         return np.swapaxes(vectors[:, ranks[0] :], 1, 2)
 
     def _ties(self, number: int) -> list[Array]:
-        """Rows (m, N) that measure the stretch between the two nodes of an element; one array for each
-        element of a link."""
+        """For each element of a link, rows (m, N) that measure the stretch between the two nodes of the
+        element."""
         rows, angle = [], self.angle[:, number]
         for start, end in pairwise(self.beams.freedoms.nodes[number]):
             row = np.zeros((len(self.phase), self.beams.freedoms.n + 1))

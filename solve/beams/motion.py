@@ -166,8 +166,8 @@ class Motion:
 
     @property
     def speed_powers(self) -> tuple[Array, Array]:
-        """Return the index of the entry (R,), ascending, and the power of the speed (R,) for each coefficient
-        of `speed_terms`."""
+        """For each coefficient of `speed_terms`, return the index (R,) of its entry, in ascending order, and
+        its power (R,) of the speed."""
         return self._nonzero[1:]
 
     @cached_property
@@ -202,8 +202,8 @@ class Motion:
         return 2 * np.tensordot(first, turning, 2), stiffness
 
     def _of_axial_forces(self, positions: Positions, axial: list[Array]) -> Array:
-        """Contribution (m, n, n) of the axial forces to K. `axial` (m, elements) contains the axial forces in
-        each link."""
+        """Contribution (m, n, n) of the axial forces to K. `axial` contains the axial forces (m, elements)
+        for each link."""
         by_link = zip(axial, self._geometric, strict=True)
         stiffness = [
             np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
@@ -252,8 +252,8 @@ class Motion:
 
     @cached_property
     def _compression(self) -> tuple[Array, Array]:
-        """Return phases (m,), and for each link the largest compression (m, links) in its elements at 1
-        rad/s."""
+        """Return phases (m,), and for each link the largest compression among its elements at 1 rad/s, as an
+        array (m, links)."""
         phase = uniform_phases(_BUCKLING_POSITIONS, self.period)
         forces = self.unit_axial_forces(Positions(self.beams, phase))
         return phase, np.stack([-by_element.min(axis=1) for by_element in forces], axis=1)

@@ -16,9 +16,9 @@ harmonics.
 - A solution with fewer harmonics differs from the full solution by the effect of the omitted harmonics. Two
   such differences show how fast this effect decreases with the harmonic. Extrapolation yields the effect of
   the missing harmonics.
-- The missing harmonics alias to the mean and to the resolved harmonics, which may be in resonance. Their
-  amplitudes are extrapolated from those of the resolved harmonics; their effect is that of amplitudes added
-  to the harmonics to which they alias.
+- The missing harmonics alias to the mean and to the resolved harmonics, which may be in resonance. The
+  amplitudes of the missing harmonics are extrapolated from those of the resolved harmonics, and are added to
+  the harmonics to which they alias.
 
 The larger of the two errors is used. It is zero if the resolved harmonics end within round-off. Harmonics
 beyond the resolved range that alias to lower harmonics are then not detected."""

@@ -19,7 +19,7 @@ from solve.errors import counted
 
 _NATIVE = ("-march=native",), ("-mcpu=native",), ()
 """Flags for the instruction set of the processor. The first flags that the compiler accepts are used. Clang
-requires the second ones on ARM."""
+requires the second flag on ARM."""
 
 MACHINE: tuple[str, ...] = ()
 """Further flags, which select another processor."""

@@ -86,8 +86,8 @@ METHODS: dict[str, Callable[..., Any]] = {
 
 
 def chosen(method: str | Rule, **settings: Any) -> Rule:
-    """Return the method named `method`, with those settings that are not None, or the function `auto` if
-    `method` is "auto". A method object is returned unchanged.
+    """Return the method with the name `method` and the given settings; settings that are None keep their
+    defaults. For "auto", return the function `auto`. A method object is returned unchanged.
 
     Raises UnknownNameError for other names. Raises ValueOutOfBoundsError for other objects, and for settings
     that the method does not have."""

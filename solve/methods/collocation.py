@@ -23,7 +23,7 @@ LAPACK's memory order. Measured time, relative to solving many steps in one call
 with 108, about 1 with 15 to 18, and 1/0.6 with 9."""
 
 _INFINITE = 1e25
-"""Modulus of hλ above which it counts as infinite. Powers up to the twelfth are representable."""
+"""Modulus above which hλ counts as infinite. Powers up to the twelfth are representable."""
 
 _SYSTEMS = 2**19
 """Size in bytes of the stage systems that are solved in one call. They fit into the processor's cache."""
@@ -189,8 +189,8 @@ class Collocation:
 
     @cached_property
     def stage_weights(self) -> Array:
-        """Weights (s, s + 2, 3) of M, hC and h²K in the equation of each of s stages: for each of the s stage
-        accelerations, for q and for h v."""
+        """Weights (s, s + 2, 3) of M, hC and h²K in the equations of the s stages. The second axis contains
+        the s stage accelerations, q and h v, by which the matrices are multiplied."""
         s, A = len(self.c), self.A
         rows = np.zeros((s, 3, s + 2))
         rows[:, 0, :s] = np.eye(s)

@@ -179,7 +179,7 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
 
 
 def _mean_order(p: Array) -> Array:
-    """Mean harmonic number (r,), in modulus, in the spectrum of each column p (m, N, r)."""
+    """Mean modulus (r,) of the harmonic number in the spectrum of each column p (m, N, r)."""
     weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
     return np.abs(np.fft.fftfreq(len(p), 1.0 / len(p))) @ weight / weight.sum(axis=0)
 

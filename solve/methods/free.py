@@ -120,7 +120,7 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
     then +1.
 
     If the momentum may jump at phase 0, there are two periodic solutions: with μ = 0 and with μ = 1 after the
-    jump. The orbit is the combination of both that has no drift."""
+    jump. The orbit is the combination of these solutions that has no drift."""
     if not isinstance(method, OneStep):
         raise MatricesError(
             f"{method.name} cannot solve a machine that rotates freely if inertia or gyroscopic forces "
@@ -179,7 +179,7 @@ def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
 
 
 def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
-    """Mean over the period (r,) of the generalised force gᵀd along each rigid-body mode of one point, with
+    """Mean (r,) over the period of the generalised force gᵀd along each rigid-body mode of one point, with
     gᵀK = 0. If K is symmetric, g = e."""
     grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
     nodes, weights = np.polynomial.legendre.leggauss(_PLACES)

@@ -31,7 +31,7 @@ class Anchored(DerivedPoints):
     """Points whose rigid-body modes `modes` are anchored, as described in the docstring of this module.
 
     drift (P, n): prescribed steady velocity w along e, as a derivative with respect to the phase. The drag C
-    w is subtracted from the load. weights (P, r, n): rows l to be used instead of `modes.measures`."""
+    w is subtracted from the load. weights (P, r, n): rows l that replace `modes.measures`."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Anchored(DerivedPoints):
         return Anchored(self.points[positions], self.modes[positions], drift, weights)
 
     def drifting(self, drift: Array | None) -> "Anchored":
-        """Return the same points with another prescribed velocity."""
+        """Return the same points with the prescribed velocity `drift`."""
         return Anchored(self.points, self.modes, drift, self.weights)
 
     @property
@@ -131,7 +131,7 @@ class Anchored(DerivedPoints):
         return left, right
 
     def momentum(self) -> tuple[Array, Array]:
-        """Return rows and states of the conserved momenta; every point must have one.
+        """Return rows and states of the conserved momenta. Every point must have a conserved momentum.
 
         The rows (P, 2n) map a state of the anchored points at phase 0 to the momentum. The states (P, 2n) are
         rigid-body velocities with momentum 1."""

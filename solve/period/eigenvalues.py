@@ -170,8 +170,8 @@ def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, 
 
 
 def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
-    """Return the largest number (…), at least 2, of ill-conditioned eigenvalues (…, N) that may be one
-    multiple eigenvalue, split by a perturbation."""
+    """Return the largest number (…) of the ill-conditioned eigenvalues among `values` (…, N) that a
+    perturbation may have split from one multiple eigenvalue. The number is at least 2."""
     size = np.full(perturbation.shape, 2)
     is_ill = conditions * np.sqrt(perturbation)[..., None] > _ILL_CONDITIONED
     if values.shape[-1] == 2 or not (is_ill.sum(axis=-1) > 2).any():

@@ -70,7 +70,7 @@ def floquet_modes(
         Mean of M in any unit. None for systems with first-order states; participations then include all
         states, in units that balance the maps.
     blocks : Blocks
-        Products of these maps.
+        Products of the one-step maps.
     eigenvalues : ProductEigenvalues
         Eigenvalues of the product of the blocks, with right eigenvectors.
     rotation : float

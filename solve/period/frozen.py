@@ -1,4 +1,4 @@
-"""Modes of the coefficients frozen at fixed phases, and bounds on the moduli of their eigenvalues.
+"""Modes of systems with coefficients frozen at fixed phases, and bounds on the moduli of their eigenvalues.
 
 Bounds are evaluated first. Eigenvalues are computed only if the bounds do not suffice.
 """
@@ -36,8 +36,8 @@ _BALANCED = 64.0
 which elimination loses few digits. Chosen by judgement."""
 
 _STEADY = 0.02
-"""Modulus of det M, relative to the modulus of its median, below which M may be singular at a nearby phase.
-Chosen by judgement."""
+"""Modulus of det M, relative to its median modulus, below which M may be singular at a nearby phase. Chosen
+by judgement."""
 
 _FEW = np.s_[::16]
 """Phases from which rates are estimated if no bound is required: every 16th phase."""
@@ -76,7 +76,7 @@ class FrozenModes:
 
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
-        """Rigid-body modes at these phases; None if no point has one."""
+        """Rigid-body modes, from the coefficients at `phases`; None if no point has a rigid-body mode."""
         if self.n == 1 and not self._tables.per_point:
             low, high = self._ranges
             M, C, K = np.maximum(-low[:3], high[:3])
@@ -92,7 +92,7 @@ class FrozenModes:
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """M, C and K (P, k, n, n) with respect to the phase."""
+        """M, C and K (P, k, n, n) for derivatives with respect to the phase."""
         M, C, K = self._matrices_at().transpose(0, 3, 4, 1, 2)
         return M, C, K
 

@@ -16,8 +16,8 @@ UNIT_CIRCLE = 1e-9
 """Distance from 1 within which a modulus counts as 1, in addition to its error. Chosen by judgement."""
 
 KNOWN_ON_CIRCLE = 1e-6
-"""Largest distance of a modulus from 1, plus its error, for which a multiplier counts as on the unit circle.
-Chosen by judgement."""
+"""A multiplier counts as on the unit circle if the distance of its modulus from 1, plus its error, is at most
+this value. Chosen by judgement."""
 
 SURE = 2.0
 """Factor on the error estimate. A multiplier is outside the unit circle if its modulus exceeds 1 by more than

@@ -137,8 +137,8 @@ def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) 
 
 
 def has_steady_determinant(M: Array, fraction: float) -> Array:
-    """Return a mask (P,) of the points at which the determinants of the matrices M (n, n, P, k) have the same
-    sign at all k phases, and their moduli exceed `fraction` times the median modulus."""
+    """Return a mask (P,) of the points at which, at all k phases, the determinants of the matrices M (n, n,
+    P, k) have the same sign and moduli above `fraction` times the median modulus."""
     n = len(M)
     if n > LOOPED:
         sign, logarithm = np.linalg.slogdet(np.moveaxis(M, (0, 1), (2, 3)))

@@ -17,10 +17,10 @@ BLOCKS = 32
 """Number of blocks at which multiplication ends and orthogonal factorisation begins. Chosen by judgement."""
 
 _LARGE, _BLOCKS_OF_LARGE = 2 * SMALL, 8
-"""Number of states above which fewer blocks are used, and their number. With 216 states, an elimination takes
-15 times as long as a product. If a solution grows by |ρ| over the period, 8 blocks lose log10|ρ|/8 digits.
-Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with 8 blocks, 1.1e-13 with 32 blocks, 3e-4 with one
-block."""
+"""Number of states above which fewer blocks are used, and the number of blocks in that case. With 216 states,
+an elimination takes 15 times as long as a product. If a solution grows by |ρ| over the period, 8 blocks lose
+log10|ρ|/8 digits. Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with 8 blocks, 1.1e-13 with 32
+blocks, 3e-4 with one block."""
 
 SINGULAR = 1e-14
 """Reciprocal condition number below which the cyclic system counts as singular. Chosen by judgement: 45 times
@@ -62,8 +62,8 @@ _SMALLEST = 2.0**-100
 class Steps:
     """Affine maps of the steps of one period, A (..., m, N, N) and b (..., m, N).
 
-    Leading axes are points. For `periodic_states`, b may also be (..., m, N, r), for r problems with the same
-    A."""
+    Leading axes belong to points. For `periodic_states`, b may also be (..., m, N, r), which represents r
+    problems with the same A."""
 
     A: Array
     b: Array
@@ -128,8 +128,7 @@ def _most_blocks(steps: Steps) -> int:
 
 
 def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
-    """Return states and condition number as `periodic_states` does, from the levels of products of the
-    steps."""
+    """Return the results of `periodic_states`, from the products of the steps in `levels`; see `_levels`."""
     steps, A, b = levels[0], levels[-1].A, levels[-1].b
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)

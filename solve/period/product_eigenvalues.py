@@ -165,8 +165,8 @@ def _log_distance(apart: Array) -> Array:
 
 
 def _conjugate_pairs(logarithms: Array, errors: Array) -> Array:
-    """Make pairs of logarithms exactly conjugate, and logarithms real whose imaginary part is within the
-    error."""
+    """Make pairs of logarithms exactly conjugate. Make a logarithm exactly real if its imaginary part is
+    within the error."""
     paired = np.real(logarithms) + np.where(np.cos(np.imag(logarithms)) < 0, math.pi, 0.0) * 1j
     left = list(np.flatnonzero(np.isfinite(logarithms)))
     while left:

@@ -130,8 +130,8 @@ def _above(
 def _reach(values: Array) -> Array:
     """Upper bounds on the curve near samples (…, k) that are local maxima; -inf for other samples.
 
-    The parabola through the sample and its neighbours has a maximum above the sample; the bound exceeds the
-    sample by twice as much."""
+    The bound is twice as far above the sample as the maximum of the parabola through the sample and its
+    neighbours."""
     before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
     peak, bend = (values >= before) & (values >= after), 2 * values - before - after
     above = np.square(before - after) / (4 * np.where(bend > 0, bend, np.inf))
