@@ -146,7 +146,7 @@ def _fixed_phases(period: float, count: int) -> Array:
 
 def compared_phases(period: float, breaks: tuple[float, ...]) -> Array:
     """Return the fixed phases, followed by the middle of each piece between neighbouring breaks. Coefficients
-    that are equal, or zero, at all of them count as constant, or zero."""
+    that are equal, or zero, at all these phases count as constant, or zero."""
     ends, _ = pieces(period, breaks)
     return np.concatenate((_fixed_phases(period, PHASES), (ends[1:] + ends[:-1]) / 2))
 

@@ -59,15 +59,15 @@ a resonance with a damping ratio of 0.5 %."""
 
 def better_method(method: Method) -> tuple[Method, int]:
     """Return the more accurate method with which `method` is compared, and the ratio of their numbers of
-    steps. The more accurate method has one more stage on the same grid. If there is none, `method` is
-    compared with itself with twice as many steps."""
+    steps. The more accurate method has one more stage on the same grid. If there is no such method, `method`
+    is compared with itself on twice as many steps."""
     higher = method.with_another_stage
     return (method, 2) if higher is None else (higher, 1)
 
 
 class Comparison(PointSolver):
-    """Solver that computes a solution and a more accurate one. Their difference estimates the error of the
-    first.
+    """Solver that computes a solution and a more accurate one. The difference between the two solutions
+    estimates the error of the first one.
 
     A collocation method with s stages is compared with s + 1 stages on the same grid. A step with one more
     stage solves the error equation of the step with s stages. The difference of their maps is therefore the
@@ -108,7 +108,7 @@ class Comparison(PointSolver):
         a grid of `steps` steps.
 
         The errors include the round-off of the step maps. If the effect of round-off in the coefficients may
-        exceed the `errors` (k, 2), it is also included. This effect is computed as the difference from
+        exceed the `errors` (k, 2), this effect is also included. It is computed as the difference from
         solutions with slightly changed entries."""
         roundoff = roundoff_errors(solutions)
         of = slice(0 if self.request.orbit else 1, 2)

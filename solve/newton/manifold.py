@@ -46,7 +46,7 @@ _LANES = 8
 finer grids are multiples of this number."""
 
 _ORBIT_ROUNDOFF = 64 * EPS
-"""Relative error of an orbit due to round-off. Single orbits have the same value
+"""Relative error of an orbit due to round-off. The same value is used for single orbits
 (`solve.certify.comparison`)."""
 
 _MAY_REST = 1e-10

@@ -60,9 +60,9 @@ def special_points(
     branches_cross: bool = False,
 ) -> tuple[list[Point], bool]:
     """Return the special points between two neighbouring points of a branch, in their order along the branch.
-    Also return whether all of them are located; those that cannot be located are omitted. path: path from
-    `before` to `after`; by default along the tangent at `before`. branches_cross: whether the change of the
-    orientation between the points is due to a branching point."""
+    Special points that cannot be located are omitted. Also return whether all special points are located.
+    path: path from `before` to `after`; by default along the tangent at `before`. branches_cross: whether the
+    change of the orientation between the points is due to a branching point."""
     found, tests = [], _tests(before, after, branches_cross)
     for kind, test in tests.items():
         with suppress(SolveError):

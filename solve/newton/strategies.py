@@ -190,7 +190,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
 
 
 def from_state(task: Task, state: Array, grid: Grid) -> Converged:
-    """Return the orbit on which a motion has settled, from its state (2n,), q and q', at phase 0. Finer grids
+    """Return the orbit on which a motion has settled, from its state (q, q') (2n,) at phase 0. Finer grids
     are tried until Newton's iteration converges, because short contacts with stiff stops require small steps.
     Raises NoOrbitError."""
     sizes = linear_sizes(task, grid)
@@ -231,9 +231,9 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
 
 
 def motion_from(task: Task, state: Array, sizes: Array, states: int, rtol: float) -> Curve:
-    """Integrate the motion over the period of the orbit from the state (2n,), q and q', at phase 0, and
-    return it. sizes (n,): scales of the coordinates. states: number of states per period of the system. rtol:
-    tolerance of the integration."""
+    """Integrate the motion over the period of the orbit from the state (q, q') (2n,) at phase 0, and return
+    this motion. sizes (n,): scales of the coordinates. states: number of states per period of the system.
+    rtol: tolerance of the integration."""
     march, turns = nonlinear_of(task.system).marcher(sizes, states, rtol), []
     for turn in range(task.periods):
         turns.append(march(state, turn * task.system.period, task.speed))
