@@ -34,8 +34,8 @@ _FEW, _MANY = 2, 5
 corrections, it is shorter. Chosen by judgement."""
 
 _MIN_PATH = 1e-6
-"""Shortest distance from the start of a path beyond a grazing orbit, relative to the length of the path, at
-which a point within the range is sought. Chosen by judgement."""
+"""The search for a point within the range, on a path past a grazing orbit, ends at this distance from the
+start of the path. The distance is relative to the length of the path. Chosen by judgement."""
 
 _ROUNDOFF = 4 * EPS
 """Relative round-off error of the parameter, which is added to its error."""
