@@ -212,8 +212,8 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 
 
 def _singular(points: Points, positions: Array, phases: Array) -> Iterator[tuple[int, MatricesError]]:
-    """Yield the index of each of the points with the indices `positions` whose M is singular at or near one
-    of the `phases`, and the exception for it."""
+    """For each of the points with the indices `positions` whose M is singular at or near one of the `phases`,
+    yield its index and the exception."""
     for position in positions.tolist():
         phase = _singular_phase(points[np.array([position])], phases)
         if phase is not None:
@@ -225,7 +225,7 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
     None if no such phase is found.
 
     phases (k,): midpoints of a grid. A minimum is searched next to each phase at which the modulus of det M
-    is at most 1/`_DIP` of that at a neighbouring phase, up to the nearest jump of the matrices."""
+    is at most 1/`_DIP` of the modulus at a neighbouring phase, up to the nearest jump of the matrices."""
     period = point.period
     jumps = np.sort(np.add.outer(period * np.arange(-1, 2), np.mod(point.breaks, period)).ravel())
     phases = np.concatenate((phases[-2:] - period, phases, phases[:2] + period))

@@ -137,8 +137,8 @@ def _continuation(
 
 
 def _starts(parameters: ContinuationParameters, point: Point, end: Point) -> bool:
-    """Whether the end `end` of an earlier curve is the special point `point` of the branch over the first
-    parameter."""
+    """Whether the point `end`, at which an earlier curve ends, is the special point `point` of the branch
+    over the first parameter."""
     values = np.array([point.value, parameters.ranges[1, 0]])
     return bool((np.abs(end.orbit.values - values) <= _SAME * parameters.spans).all())
 

@@ -103,8 +103,8 @@ class PeriodicCurve(ABC):
         return type(self)(self.nodes, products.reshape(points, -1, *others))
 
     def plus(self, other: Self) -> Self:
-        """Return the sum of these curves and `other`, without drift. Both have the same kind and nodes; the
-        numbers of coefficients may differ."""
+        """Return the sum of these curves and `other`, without drift. The curves `other` have the same kind
+        and nodes; their number of coefficients may differ."""
         fewer, more = sorted((self.coefficients, other.coefficients), key=lambda each: each.shape[-1])
         total = more.copy()
         total[..., : fewer.shape[-1]] += fewer
