@@ -175,8 +175,8 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """Yield pairs of indices and points, for those of the points with the indices `positions` that the
-    shared terms represent. Return the indices of the other points."""
+    """Find the points, among those with the indices `positions`, that the shared terms represent. Yield their
+    indices and the `Points` that represent them. Return the indices of the other points."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])

@@ -22,7 +22,8 @@ from solve.period.points import SpeedPoints
 from solve.system import PeriodicSystem
 
 _CACHED_SYSTEMS = 8
-"""Number of cached systems, those with the most recent values of the parameters. Chosen by judgement."""
+"""Number of cached systems. The systems with the most recent parameter values are cached. Chosen by
+judgement."""
 
 _REPRESENTATIVES = 8
 """Approximate number of points that are sampled at all compared phases. Measured: sampling them takes 1 % of
@@ -69,8 +70,8 @@ class Family:
     def compared_entries(self, points: Array, engine: str = NUMPY) -> Iterator[tuple[Array, Array]]:
         """Yield phases (k,) and the entries (P, k, 3n² + n) at these phases, in chunks that fit into memory.
 
-        The phases are those of the error estimate of a single point, and further phases between the breaks of
-        all points."""
+        The phases are the fixed phases at which the error estimate of a single point compares the
+        coefficients, and the middle of each interval between neighbouring breaks of any point."""
         breaks = {b for group, _ in self.by_breaks(points) for b in group or ()}
         phases = compared_phases(self.example.period, tuple(breaks))
         size = 8 * len(phases) * len(points) * (3 * self.example.n**2 + self.example.n)
@@ -272,8 +273,7 @@ class BuiltFamily(Family):
 
 
 def representative(points: Array) -> Array:
-    """Return about `_REPRESENTATIVES` of the points (P, v), which are equally spaced in the order of the
-    points."""
+    """Return about `_REPRESENTATIVES` of the points (P, v), equally spaced in the sequence of the points."""
     return points[:: max(1, len(points) // _REPRESENTATIVES)]
 
 

@@ -24,7 +24,8 @@ _WORK, _FINISHED = "work", "finished"
 with the second attribute is a store."""
 
 _CODE = np.int8
-"""Type of the index of a method in the list of method names of a chunk."""
+"""Integer type of the stored methods. A chunk contains a list of method names; each point stores an index
+into this list."""
 
 _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "figures": ("point", "quantity", "figure"),
@@ -50,8 +51,8 @@ class Store:
         self._texts, self._checksums = group["texts"], group["checksum"]
 
     def read(self, chunk: Array) -> PointResults | None:
-        """Results of a chunk, which is given by the consecutive indices (k,) of its points; None if it is
-        incomplete."""
+        """Results of the chunk with the consecutive point indices `chunk` (k,); None if the chunk is
+        incomplete or damaged."""
         number = int(chunk[0]) // self.size
         try:
             checksum = int(self._checksums[number])

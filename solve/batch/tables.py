@@ -29,8 +29,8 @@ _CACHE_BYTES = 2**26
 """Memory limit of cached tables in bytes. Chosen by judgement."""
 
 _CHECKS = np.array([0.1357, 0.7311])
-"""Phases at which it is checked whether the terms represent a point, as fractions of each piece between two
-breaks. Chosen by judgement."""
+"""Phases, as fractions of each piece between two breaks, at which it is checked whether the terms represent a
+point. Chosen by judgement."""
 
 _MIN_PHASES = 8
 """Minimum number of training phases per piece. Chosen by judgement."""
@@ -76,8 +76,8 @@ class Separation:
         self.separable = self.separable and self._represents_every_phase(verified)
 
     def _compute_terms(self, samples: Array) -> None:
-        """Compute the terms from samples (B, T, E): factors [j][i] (E,) of term i in row j, and values [i]
-        (T, E) of term i."""
+        """Compute the terms by elimination from samples (B, T, E). Store the values `_nested[i]` (T, E) of
+        term i, and its coefficients `_factors[j][i]` (E,) in the row that is eliminated at stage j."""
         every = np.arange(samples.shape[2])
         self._factors, self._nested = [], []
         for stage, row in enumerate(self._rows):
@@ -90,8 +90,8 @@ class Separation:
             self._nested.append(rest / factors[-1])
 
     def _represents_every_phase(self, points: Array) -> bool:
-        """Whether the terms represent the matrices of points (P, v) at all phases that the error estimate of
-        a single point compares. No term represents a feature that lies between the training phases."""
+        """Whether the terms represent the matrices of points (P, v) at all phases at which the error estimate
+        of a single point compares coefficients. No term represents a feature between the training phases."""
         coefficients, is_represented = self.coefficients(points)
         points, coefficients = points[is_represented], coefficients[is_represented]
         errors, largest = [], []
@@ -149,8 +149,8 @@ class Separation:
 
 
 class Separated(Points):
-    """Points whose matrix entries are sums of R products of a coefficient and a function of the phase. A
-    point is represented by its coefficients, one row of (P, R)."""
+    """Points whose matrix entries are sums of R products of a coefficient and a function of the phase. The
+    coefficients (P, R) have one row per point."""
 
     def __init__(self, separation: Separation, coefficients: Array):
         super().__init__(separation.n, separation.period, separation.breaks, separation.first_order)
@@ -226,8 +226,9 @@ def _scales(largest: Array, n: int) -> Array:
 
 
 def _pivots(samples: Array) -> tuple[Array, Array, Array]:
-    """Return rows and columns (J, E) of the pivots of cross approximations, for every entry of samples (T, k,
-    E), and a mask (J, E) of significant pivots. Samples are relative to the largest value of each row."""
+    """Select pivots of a cross approximation for every entry of `samples` (T, k, E). Return their rows (J, E)
+    and columns (J, E), and a mask (J, E) of the significant pivots. Samples are relative to the largest value
+    of each row."""
     size = np.abs(samples).max(axis=1, keepdims=True)
     rest = samples / np.where(size > 0, size, 1.0)
     T, k, E = samples.shape

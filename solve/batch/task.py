@@ -182,7 +182,7 @@ def task_of(
 def _missing(
     store: Store, chunks: list[Array], results: PointResults, count: progress.Task
 ) -> Iterator[Array]:
-    """Insert the results of stored chunks, and yield the chunks that are not stored."""
+    """Insert the results of stored chunks into `results`, and yield the chunks that are not stored."""
     for index in chunks:
         stored = store.read(index)
         if stored is None:

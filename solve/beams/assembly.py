@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     import casadi
 
 TERMS = np.zeros((5, 3, 3))
-"""Coefficients of the products of 1, c, s as linear combinations of 1, c, s, c², cs, with s² = 1 − c²."""
+"""Products of two of the functions 1, c, s. `TERMS[:, i, j]` contains the coefficients of 1, c, s, c², cs in
+the product of functions i and j, with s² = 1 − c²."""
 for _row, _i, _j, _sign in (
     *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
     *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
@@ -242,7 +243,8 @@ class Positions:
         return self._with_exact(np.tensordot(self.terms[index], self.beams.mass, 2), index, functions)
 
     def interior_count(self, omega: Array) -> Array:
-        """Number J0 (b,) of frequencies below ω (b,) at which no node moves (thesis, Eq. (5.21))."""
+        """Number J0 (b,) of natural frequencies below ω (b,) of the elements with clamped ends (thesis, Eq.
+        (5.21))."""
         counts = np.zeros(len(omega), dtype=int)
         for member in self.beams.exact_links:
             counts += member.interior_count(omega)
@@ -255,8 +257,8 @@ class Positions:
 
     @cached_property
     def joints(self) -> Array:
-        """Positions x + iy (m) of the joints, as an array (m, joints). The first supported joint is at 0; see
-        `placed`."""
+        """Positions x + iy of the joints in metres, as an array (m, joints). The first supported joint is at
+        0; see `placed`."""
         return self.placed(self._spans)
 
     def placed(self, spans: Array) -> Array:
@@ -282,8 +284,9 @@ class Positions:
         return self.beams.properties.length * np.exp(1j * self.angle)
 
     def _with_exact(self, finite: Array, index: Array, functions: list[Array]) -> Array:
-        """Matrices (b, n, n): the matrices `finite` (b, N, N) of finite elements plus those of exact links,
-        reduced for inextensible links. functions: for each exact link, the eight functions (b, 8)."""
+        """Matrices (b, n, n) of the structure, reduced for inextensible links. The contribution of the exact
+        links is added to `finite` (b, N, N), the contribution of the finite elements. functions: for each
+        exact link, the eight functions (b, 8)."""
         if functions:
             terms = self.terms[index][:, [member.number for member in self.beams.exact_links], None, :]
             weights = np.stack(functions, axis=1)[..., None] * terms
@@ -340,8 +343,8 @@ class Positions:
         return np.swapaxes(vectors[:, ranks[0] :], 1, 2)
 
     def _ties(self, number: int) -> list[Array]:
-        """Rows (m, N) that measure the stretch between the two nodes of an element; one array for each
-        element of a link."""
+        """For each element of a link, rows (m, N) that measure the stretch between the two nodes of the
+        element."""
         rows, angle = [], self.angle[:, number]
         for start, end in pairwise(self.beams.freedoms.nodes[number]):
             row = np.zeros((len(self.phase), self.beams.freedoms.n + 1))

@@ -147,8 +147,8 @@ def clamped(l: Array) -> Array:  # noqa: E741
 
 
 def interior_count(l: Array, b: Array | None = None) -> Array:  # noqa: E741
-    """Number J0 of natural frequencies, below the given one, of the beam with clamped ends. The frequency is
-    given by l for bending and by b for axial vibration (Wittrick and Williams; thesis, Eq. (5.21))."""
+    """Number J0 of natural frequencies below a limit, for the beam with clamped ends. The limit is given by l
+    for bending and by b for axial vibration (Wittrick and Williams; thesis, Eq. (5.21))."""
     order = np.floor(l / math.pi)
     flexural = order - (1 + (-1) ** order * np.sign(clamped(l))) / 2
     return (flexural if b is None else flexural + np.floor(b / math.pi)).astype(int)

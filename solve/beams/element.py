@@ -70,8 +70,8 @@ class Element:
         return axes
 
     def scaled(self, table: Array, L: float) -> Array:
-        """Convert a matrix (k, k) from degrees of freedom with derivatives with respect to ξ to degrees of
-        freedom with derivatives with respect to x."""
+        """Convert a matrix `table` (k, k) for degrees of freedom that include derivatives with respect to ξ.
+        The result is for derivatives with respect to x."""
         return table * np.multiply.outer(self._powers(L), self._powers(L))
 
     def shapes(self, L: float, xi: Array, order: int = 0) -> tuple[Array, Array]:

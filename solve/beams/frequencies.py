@@ -2,10 +2,10 @@
 
 With finite elements, these are the frequencies of M q̈ + K q = 0 (thesis, Eq. (4.40)). With exact elements,
 the stiffness depends on the frequency (Wittrick and Williams; section 5.3 of the thesis). The number of
-frequencies below ω is J(ω) = J0(ω) + s{D(ω)}, where J0 is the number of frequencies of the elements with
-clamped ends that are below ω, and s is the number of negative eigenvalues of D. At the r-th frequency,
-eigenvalue number r − J0 of D is therefore zero. A bracketing method finds this zero quickly. J0 jumps at
-frequencies at which no joint moves."""
+frequencies below ω is J(ω) = J0(ω) + s{D(ω)}, where J0 is the number of frequencies below ω of the elements
+with clamped ends, and s is the number of negative eigenvalues of D. At the r-th frequency, eigenvalue number
+r − J0 of D is therefore zero. A bracketing method finds this zero quickly. J0 jumps at frequencies at which
+no joint moves."""
 
 import numpy as np
 
@@ -143,7 +143,7 @@ def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
 def _exact_mode(
     beams: Beams, phase: float, frequencies: Array, number: int
 ) -> tuple[Positions, Array, float]:
-    """Return the positions, the vector (N,) and the modal mass of a mode.
+    """Return the `Positions` of the divided links, and the vector (N,) and the modal mass of a mode.
 
     The links are divided so that no element with clamped ends has the natural frequency of the mode. Then
     every mode moves a node (section 5.4.1 of the thesis), and D has no pole."""

@@ -176,8 +176,8 @@ class MemberMatrices:
 
     @cached_property
     def mass(self) -> Array:
-        """Mass matrix for degrees of freedom with derivatives with respect to x (kg, kg m, …); thesis, Eq.
-        (4.22)."""
+        """Mass matrix (kg, kg m, …) for degrees of freedom that include derivatives of the deflection with
+        respect to x; thesis, Eq. (4.22)."""
         return self.mu * self.L * self.element.scaled(self.element.mass, self.L)
 
     @cached_property
@@ -198,16 +198,16 @@ class MemberMatrices:
         """Matrices T and Z of the terms 2ω T q̇ + (ω̇ T + ω² Z) q, which the rotation of the link adds to its
         equations of motion.
 
-        T = M J + P and Z = M J² + 2 P J − M, with R′ = J R, shape functions N and the skew-symmetric P = ∫ ρA
-        Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
+        T = M J + P and Z = M J² + 2 P J − M, where R′ = J R. With the shape functions N and S = [[0, −1], [1,
+        0]], the matrix P = ∫ ρA Nᵀ S N dx is skew-symmetric."""
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
         return M @ J + P, M @ J @ J + 2 * P @ J - M
 
 
 class Member(MemberMatrices):
-    """Link with methods for the rotations, shapes and stresses of its elements and, for exact elements, for
-    their functions of frequency."""
+    """Link with methods for the rotations, shapes and stresses of its elements, and for the frequency
+    functions of exact elements."""
 
     def rotations(self, angle: Array) -> Array:
         """Rotation matrices R (m, k, k) from ground axes to link axes. `angle` (m, links) contains the angles

@@ -92,9 +92,9 @@ _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 
 _CHUNK_BYTES = 2**23
-"""Memory in bytes of the matrices per chunk of phases in the computation of coefficients of the speed.
-Without chunks, the allocation of arrays for a whole grid would take a third of the time (measured with 27
-coordinates and 3840 phases). Half and twice this size are equally fast."""
+"""Memory, in bytes, of the matrices that `Motion.speed_terms` computes in one chunk of phases. Without
+chunks, the allocation of arrays for a whole grid would take a third of the time (measured with 27 coordinates
+and 3840 phases). Half and twice this size are equally fast."""
 
 _BUCKLING_POSITIONS = 180
 """Number of positions per revolution at which axial forces are checked for buckling. Chosen by judgement."""
@@ -139,9 +139,9 @@ class Motion:
         return M, C, K, d
 
     def speed_terms(self, phase: Array) -> Array:
-        """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC and K in row order, and
-        of d, at phases (m,). Derivatives are with respect to the phase. `speed_powers` returns the entry and
-        the power of each coefficient."""
+        """At constant speed, the entries of Ω²M, ΩC and K in row order, and then of d, are polynomials in the
+        speed. Return their coefficients (m, R) at phases (m,). Derivatives of q are with respect to the
+        phase. `speed_powers` returns the entry and the power of each coefficient."""
         coefficients = np.empty((len(phase), len(self._nonzero[0])))
         size = max(1, _CHUNK_BYTES // (8 * 5 * self.beams.freedoms.n**2))
         for first in range(0, len(phase), size):
@@ -166,14 +166,14 @@ class Motion:
 
     @property
     def speed_powers(self) -> tuple[Array, Array]:
-        """Return the index of the entry (R,), ascending, and the power of the speed (R,) for each coefficient
-        of `speed_terms`."""
+        """For each coefficient of `speed_terms`, return the index (R,) of its entry, in ascending order, and
+        its power (R,) of the speed."""
         return self._nonzero[1:]
 
     @cached_property
     def _nonzero(self) -> tuple[Array, Array, Array]:
-        """Return the coefficients that are nonzero at some phase: positions in a list, indices of entries
-        (ascending), and powers of the speed.
+        """For the coefficients that are nonzero at some phase, return their positions in a list of all
+        coefficients, the indices of their entries (ascending), and their powers of the speed.
 
         The list contains the entries of M, damping, gyroscopic matrix, stiffness, rotational stiffness and
         load."""
@@ -202,8 +202,8 @@ class Motion:
         return 2 * np.tensordot(first, turning, 2), stiffness
 
     def _of_axial_forces(self, positions: Positions, axial: list[Array]) -> Array:
-        """Contribution (m, n, n) of the axial forces to K. `axial` (m, elements) contains the axial forces in
-        each link."""
+        """Contribution (m, n, n) of the axial forces to K. `axial` contains the axial forces (m, elements)
+        for each link."""
         by_link = zip(axial, self._geometric, strict=True)
         stiffness = [
             np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
@@ -252,8 +252,8 @@ class Motion:
 
     @cached_property
     def _compression(self) -> tuple[Array, Array]:
-        """Return phases (m,), and for each link the largest compression (m, links) in its elements at 1
-        rad/s."""
+        """Return phases (m,), and for each link the largest compression among its elements at 1 rad/s, as an
+        array (m, links)."""
         phase = uniform_phases(_BUCKLING_POSITIONS, self.period)
         forces = self.unit_axial_forces(Positions(self.beams, phase))
         return phase, np.stack([-by_element.min(axis=1) for by_element in forces], axis=1)
@@ -331,8 +331,8 @@ class State:
         return rigid_accelerations(self.positions, *self.rates)[0]
 
     def local(self, member: Member, element: int, order: int = 0) -> Array:
-        """Degrees of freedom (k, freedoms) of an element in link axes, or their time derivatives up to order
-        2. They are cached, because several outputs use them."""
+        """Degrees of freedom (k, freedoms) of an element in link axes, or their time derivatives of order
+        `order` (1 or 2). Results are cached, because several outputs use them."""
         first = element % member.count
         key = member.number, first, order
         if key not in self._local:

@@ -97,8 +97,8 @@ def _joint_force(state: State, member: Member, place: int) -> tuple[Array, Array
 
 
 def _element_forces(state: State, member: Member, index: int) -> Array:
-    """Forces (k, freedoms) on an element in link axes. They are the left-hand side of its equations of
-    motion."""
+    """Forces (k, freedoms) on an element in link axes. They are the left-hand side of the equations of motion
+    of the element."""
     number = member.number
     q, qd, qdd = (state.local(member, index, order) for order in range(3))
     accelerations = qdd + state.rigid_accelerations[number][:, index]
@@ -163,7 +163,7 @@ def contributions(state: State, output: str, values: Callable[[State], Array], c
 
 
 def tracked_modes(M: Array, K: Array, count: int) -> Modes:
-    """Lowest modes at the first of the positions (k, n, n), tracked over all positions.
+    """Lowest `count` modes at the first of k positions, tracked over all positions. M and K are (k, n, n).
 
     At the next position, a mode is continued by the most similar mode (modal assurance criterion). Signs are
     chosen so that the mode is continuous."""

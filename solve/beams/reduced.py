@@ -5,8 +5,8 @@ same motion:
 
     TᵀM T p̈ + (TᵀC T + 2 TᵀM Ṫ) ṗ + (TᵀK T + TᵀC Ṫ + TᵀM T̈) p = Tᵀd
 
-In link axes, the terms of a link are constant, except those of damping and axial forces. These are
-interpolated in the phase."""
+In link axes, the terms of a link are constant, except those of damping and axial forces. The terms of damping
+and axial forces are interpolated in the phase."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -135,8 +135,9 @@ class ReducedMotion:
 
     @cached_property
     def _axial(self) -> Callable[[Array], Array]:
-        """Function that returns axial forces (m, 2 elements). The first half is the forces in all elements at
-        a speed of 1 rad/s; the second half, those at rest with an acceleration of 1 rad/s²."""
+        """Function that returns axial forces (m, 2 elements). The first half contains the forces in all
+        elements at a constant speed of 1 rad/s. The second half contains the forces at speed 0 with an
+        acceleration of 1 rad/s²."""
 
         def forces(phase: Array) -> Array:
             positions = Positions(self.full.beams, phase)
@@ -218,7 +219,7 @@ class ReducedStructure(StructureModel):
 
     @property
     def discarded(self) -> float:
-        """Lowest frequency in rad/s of the discarded modes, which are those of links with fixed ends."""
+        """Lowest frequency in rad/s of the discarded modes. They are modes of links with fixed ends."""
         return min(link.discarded for link in self.reduced.basis.links)
 
     @cached_property

@@ -61,8 +61,9 @@ class Body:
 
     @property
     def loads(self) -> Array:
-        """Inertia loads (k, 4) of four accelerations of the rigid link. They are uniform and linearly
-        increasing along the axis, then uniform and linearly increasing across it."""
+        """Inertia loads (k, 4) of four accelerations of the rigid link. The first two accelerations are
+        directed along the axis, the last two across it. In each pair, the first is uniform, and the second
+        increases linearly along the link."""
         member, loads = self.member, np.zeros((len(self.freedoms) + 1, 4))
         for number, (rows, _) in enumerate(self._rows()):
             shapes = np.zeros((len(rows), 4))
@@ -124,8 +125,8 @@ class LinkBasis:
         return np.einsum("tij,iba,bc,jcd->tad", TERMS, self.axes, local, self.axes, optimize=True)
 
     def expanding(self, local: Array) -> Array:
-        """Return the products Rᵀ `local` R_r for `local` (k, r) as a table (5, k, r), with one slice for each
-        of `TERMS`. The rows of the interface are zero."""
+        """Return the products Rᵀ `local` R_r for `local` (k, r) as a table (5, k, r) of the coefficients of
+        1, c, s, c², cs. The rows of the interface are zero."""
         table = np.einsum("tij,iba,bc,jcd->tad", TERMS, self.body.axes, local, self.axes, optimize=True)
         table[:, self.body.interface] = 0.0
         return table

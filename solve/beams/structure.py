@@ -69,8 +69,8 @@ class StructureModel(Model, Outputs):
     ):
         """Assemble the model.
 
-        matrices, coordinates: reduced matrices, and name, unit and meaning of each reduced coordinate, if
-        they replace those of the motion. `expanded` then returns all degrees of freedom."""
+        matrices: reduced matrices that replace those of `motion`, if any. coordinates: name, unit and meaning
+        of each reduced coordinate. If they are given, `expanded` returns all degrees of freedom."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
@@ -204,7 +204,8 @@ class StructureModel(Model, Outputs):
 
     @cached_property
     def observed(self) -> dict[str, tuple[str, str, float]]:
-        """Mapping from outputs to the kind, the link and the fraction of the length of the link."""
+        """Mapping from names of outputs to kind, link and position. The position is a fraction of the length
+        of the link."""
         return dict(zip(self.outputs, self.module.OBSERVED, strict=True))
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:

@@ -45,12 +45,12 @@ _MEMORY = 2**29
 @dataclass(frozen=True)
 class Factors:
     """Factors of the period of a point on a uniform grid, and all multipliers in order of decreasing modulus.
-    The eigenvalues are those of the product of the factors.
+    The multipliers are the eigenvalues of the product of the factors.
 
-    point: equations and speed. certified: solution, with the method of the factors. steps: number of steps.
-    loss: see `solve.period.blocks.LOSS`. anchored: rigid-body modes that are anchored. Other multipliers near
-    +1 are then accurate, but modes are not available. Properties raise LinAlgError if the eigenvalues do not
-    converge."""
+    point: equations and speed. certified: solution of the point, by the method that also computes the
+    factors. steps: number of steps. loss: see `solve.period.blocks.LOSS`. anchored: rigid-body modes that are
+    anchored. Other multipliers near +1 are then accurate, but modes are not available. Properties raise
+    LinAlgError if the eigenvalues do not converge."""
 
     point: SinglePoint
     certified: Certified
@@ -71,8 +71,8 @@ class Factors:
     @cached_property
     def _order(self) -> tuple[Array, Array]:
         """Return the indices (N,) that sort the eigenvalues, and a mask (N,) of the sorted eigenvalues that
-        belong to rigid-body modes. These are the eigenvalues nearest to +1. They are placed after the
-        eigenvalues outside the unit circle."""
+        belong to rigid-body modes: the eigenvalues nearest to +1. They are placed after the eigenvalues
+        outside the unit circle."""
         logarithms = self.eigenvalues.logarithms[0]
         rigid, others = np.split(np.abs(logarithms).argsort(kind="stable"), [_rigid_count(self.certified)])
         others.sort()
@@ -98,7 +98,8 @@ class Factors:
         return np.where(self.rigid, 0.0, errors[self._order[0]])
 
     def modes(self) -> Sequence[FloquetMode]:
-        """Return the mode (N) of each multiplier. It contains no harmonic if the steps do not resolve it."""
+        """Return the N modes, one per multiplier. A mode contains no harmonic if the steps do not resolve the
+        mode."""
         mass = None if self.point.first_order else self.certified.modes.mean_mass[0]
         rotation = 2 * math.pi * self.point.speed / self.point.period
         grid, maps = self._maps
@@ -113,7 +114,7 @@ class Factors:
 
     @cached_property
     def _maps(self) -> tuple[Grid, Array]:
-        """Return the uniform grid, and the one-step maps on it by the method of the solution."""
+        """Return the uniform grid, and the one-step maps on this grid by the method of the solution."""
         return self._maps_by(self.certified.method, self.steps)
 
     def _maps_by(self, method: Method, steps: int) -> tuple[Grid, Array]:
@@ -151,8 +152,8 @@ class Spectrum:
 
     @cached_property
     def errors(self) -> Array:
-        """Estimated relative error of each ρ (N,), with the error of a reduction; NaN if not accurate to one
-        digit."""
+        """Estimated relative error (N,) of each ρ, including the error of a reduction; NaN if not accurate to
+        one digit."""
         logarithms, errors = self._logarithms_and_errors
         errors = np.maximum(errors, self._reduction_errors(logarithms))
         return np.where(errors < NO_DIGIT, errors, np.nan)
@@ -165,12 +166,13 @@ class Spectrum:
         return rho[(2 * errors < NO_DIGIT * np.abs(rho)) & (self.refined is None)]
 
     def logarithm(self, at: int) -> complex:
-        """Return log ρ of the multiplier with index `at`. A leading one is computed without the others."""
+        """Return log ρ of the multiplier with index `at`. A leading multiplier is computed without the
+        others."""
         leading = self.leading
         return complex(np.log(leading[at]) if at < len(leading) else self.logarithms[at])
 
     def multiplier(self, at: int) -> complex:
-        """Return the multiplier ρ with index `at`. A leading one is computed without the others."""
+        """Return the multiplier ρ with index `at`. A leading multiplier is computed without the others."""
         return complex(exponential(np.array(self.logarithm(at))))
 
     @property
@@ -239,7 +241,7 @@ class Spectrum:
     @cached_property
     def _of_monodromy(self) -> tuple[Array, Array, Array]:
         """Return the eigenvalues (N,) of the monodromy matrix, with +1 for each rigid-body mode; a mask (N,)
-        of those that belong to rigid-body modes; and their absolute errors (N,)."""
+        of the eigenvalues of rigid-body modes; and the absolute errors (N,) of the eigenvalues."""
         values, count = self.certified.solutions.multipliers.values[0], _rigid_count(self.certified)
         values = values[: len(values) - count]
         at = np.full(count, before_rigid(values))
@@ -271,8 +273,8 @@ class Spectrum:
         return logarithms, errors
 
     def _with_interpolation(self, factors: Factors) -> Array:
-        """Return the errors (N,) of multipliers from factors, with the error of interpolation, which is
-        relative to the spectral radius. They are NaN for multipliers that are not accurate to one digit."""
+        """Return the relative errors (N,) of the multipliers of the factors, including the error of
+        interpolation. An error is NaN if the multiplier is not accurate to one digit."""
         sizes, errors = np.real(factors.logarithms), factors.errors
         for interpolation in self.certified.interpolation:
             if interpolation.multipliers > 0:
@@ -353,9 +355,9 @@ def require_step_maps(method: Method) -> None:
 
 
 def refined_multipliers(point: SinglePoint, certified: Certified) -> Factors | None:
-    """Return the factors of a solved point from which each multiplier has an error of at most `rtol`. The
-    number of steps is doubled until this is the case. Doubling ends early if it does not reduce the errors or
-    would take too long. If the user has specified the number of steps, it is not changed.
+    """Return factors of a solved point that yield each multiplier with an error of at most `rtol`. The number
+    of steps is doubled until this is the case. Doubling ends early if it does not reduce the errors or would
+    take too long. If the user has specified the number of steps, it is not changed.
 
     Return None if SLICOT is not available, or if its iteration does not converge."""
     request, steps, previous_error = certified.request, certified.steps, math.inf

@@ -86,8 +86,8 @@ def aliased_harmonics(points: Points, loads: bool, resolved: int) -> Array:
 
 
 def _entries(entry: Array) -> tuple[Array, Array]:
-    """Return the distinct indices (E,) among the ascending indices `entry` (R,), one per term, and the
-    position (E,) of the first term of each entry."""
+    """Return the indices (E,) of the distinct entries, and the position (E,) of the first term of each entry.
+    `entry` (R,): index of the entry to which each term belongs, in ascending order."""
     starts = np.concatenate(([0], (entry[1:] != entry[:-1]).nonzero()[0] + 1))
     return entry[starts], starts
 
@@ -146,7 +146,7 @@ def _fixed_phases(period: float, count: int) -> Array:
 
 def compared_phases(period: float, breaks: tuple[float, ...]) -> Array:
     """Return the fixed phases, followed by the middle of each piece between neighbouring breaks. Coefficients
-    that are equal, or zero, at all of them count as constant, or zero."""
+    that are equal, or zero, at all these phases count as constant, or zero."""
     ends, _ = pieces(period, breaks)
     return np.concatenate((_fixed_phases(period, PHASES), (ends[1:] + ends[:-1]) / 2))
 

@@ -46,11 +46,11 @@ or twice this value, 80 estimates for stiff modes in rotated axes are still not 
 close to them."""
 
 _COEFFICIENTS = 1e-3
-"""Relative difference between coefficients and their interpolant below which its effect is not computed, as a
-fraction of `rtol` times the stiffness ratio of the softest and the stiffest mode. The response amplifies this
-difference by at most the phase advance of a resolved mode, a few hundred radians. With half or twice this
-value, the errors of 65 results on 14 random test systems stay within their estimates, and the verdicts are
-the same."""
+"""Relative difference between coefficients and their interpolant below which the effect of the difference is
+not computed. It is a fraction of `rtol` times the ratio of the stiffnesses of the softest and the stiffest
+mode. The response amplifies this difference by at most the phase advance of a resolved mode, a few hundred
+radians. With half or twice this value, the errors of 65 results on 14 random test systems stay within their
+estimates, and the verdicts are the same."""
 
 _AMPLIFICATION = 100.0
 """Assumed factor by which the response amplifies aliased harmonics of the coefficients: the amplification at
@@ -58,16 +58,16 @@ a resonance with a damping ratio of 0.5 %."""
 
 
 def better_method(method: Method) -> tuple[Method, int]:
-    """Return a more accurate method with which a method is compared, and the ratio of their numbers of steps.
-    The more accurate method has one more stage on the same grid. If there is no such method, it is the same
-    method with twice as many steps."""
+    """Return the more accurate method with which `method` is compared, and the ratio of their numbers of
+    steps. The more accurate method has one more stage on the same grid. If there is no such method, `method`
+    is compared with itself on twice as many steps."""
     higher = method.with_another_stage
     return (method, 2) if higher is None else (higher, 1)
 
 
 class Comparison(PointSolver):
-    """Solver that computes a solution and a more accurate one. Their difference estimates the error of the
-    first.
+    """Solver that computes a solution and a more accurate one. The difference between the two solutions
+    estimates the error of the first one.
 
     A collocation method with s stages is compared with s + 1 stages on the same grid. A step with one more
     stage solves the error equation of the step with s stages. The difference of their maps is therefore the
@@ -108,7 +108,7 @@ class Comparison(PointSolver):
         a grid of `steps` steps.
 
         The errors include the round-off of the step maps. If the effect of round-off in the coefficients may
-        exceed the `errors` (k, 2), it is also included. This effect is computed as the difference from
+        exceed the `errors` (k, 2), this effect is also included. It is computed as the difference from
         solutions with slightly changed entries."""
         roundoff = roundoff_errors(solutions)
         of = slice(0 if self.request.orbit else 1, 2)
@@ -194,8 +194,8 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
     of these points.
 
     The difference of the orbits is the maximum of max|difference|/max|q| over all coordinates. A coordinate
-    that is zero except for round-off, such as that of the mass at a tuned absorber, is compared with the
-    displacement that all loads on it would cause."""
+    that is zero except for round-off, such as the coordinate of a mass with a tuned absorber, is compared
+    with the displacement that all loads on it would cause."""
     multipliers = coarse.multipliers.difference(fine.multipliers)
     orbit = np.zeros(len(multipliers))
     if coarse.curve is not None and fine.curve is not None:

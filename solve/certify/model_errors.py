@@ -16,9 +16,9 @@ harmonics.
 - A solution with fewer harmonics differs from the full solution by the effect of the omitted harmonics. Two
   such differences show how fast this effect decreases with the harmonic. Extrapolation yields the effect of
   the missing harmonics.
-- The missing harmonics alias to the mean and to the resolved harmonics, which may be in resonance. Their
-  amplitudes are extrapolated from those of the resolved harmonics; their effect is that of amplitudes added
-  to the harmonics to which they alias.
+- The missing harmonics alias to the mean and to the resolved harmonics, which may be in resonance. The
+  amplitudes of the missing harmonics are extrapolated from those of the resolved harmonics, and are added to
+  the harmonics to which they alias.
 
 The larger of the two errors is used. It is zero if the resolved harmonics end within round-off. Harmonics
 beyond the resolved range that alias to lower harmonics are then not detected."""
@@ -146,8 +146,8 @@ def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, spee
 
 
 def _multiplier_shifts(rho: Array, better: Array) -> Array:
-    """Return the distances (N,) between multipliers and those of a larger system (N',), matched one to
-    one."""
+    """Match the multipliers `rho` (N,) one to one with multipliers `better` (N',) of a larger system. Return
+    the distances (N,)."""
     distance = np.abs(rho[:, None] - better)
     return distance[matched(distance)]
 
@@ -224,8 +224,8 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
 
 
 def _ratios(kept: list[int], changes: list[Array]) -> Array:
-    """Return the ratios (2,) between the effects of successive multiples of the spacing, at most 1. With a
-    single effect, they are 1.
+    """Return the ratios (2,) between the effects of successive multiples of the spacing, at most 1. If there
+    is only one effect, the ratios are 1.
 
     kept: multiples of the spacing above which harmonics are omitted. changes: the effects (2,) on orbit and
     multipliers."""

@@ -41,8 +41,8 @@ are singular and accurate solutions have more steps: all of 107 random systems w
 models of this project require at most 768 steps at `rtol` 1e-8."""
 
 _DIP = 2.0
-"""Ratio of det M at neighbouring phases above which it may vanish between them. Next to a zero, the ratio is
-at least 9 for a quadratic minimum, and at least 3 for a linear decrease to a jump."""
+"""Ratio of det M at neighbouring phases above which det M may vanish between these phases. Next to a zero,
+the ratio is at least 9 for a quadratic minimum, and at least 3 for a linear decrease to a jump."""
 
 
 class PointSolver:
@@ -212,8 +212,8 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 
 
 def _singular(points: Points, positions: Array, phases: Array) -> Iterator[tuple[int, MatricesError]]:
-    """Yield those points at `positions` with an M that is singular at or near one of the `phases`, and the
-    exceptions for them."""
+    """For each of the points with the indices `positions` whose M is singular at or near one of the `phases`,
+    yield its index and the exception."""
     for position in positions.tolist():
         phase = _singular_phase(points[np.array([position])], phases)
         if phase is not None:
@@ -225,7 +225,7 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
     None if no such phase is found.
 
     phases (k,): midpoints of a grid. A minimum is searched next to each phase at which the modulus of det M
-    is at most 1/`_DIP` of that at a neighbouring phase, up to the nearest jump of the matrices."""
+    is at most 1/`_DIP` of the modulus at a neighbouring phase, up to the nearest jump of the matrices."""
     period = point.period
     jumps = np.sort(np.add.outer(period * np.arange(-1, 2), np.mod(point.breaks, period)).ravel())
     phases = np.concatenate((phases[-2:] - period, phases, phases[:2] + period))
@@ -252,8 +252,9 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
 
 
 def _zero_between(function: Callable[[float], float], low: float, high: float) -> float | None:
-    """Return the phase between `low` and `high` at which a function that is positive elsewhere has a minimum
-    that is zero, as far as round-off and the search resolve it, or negative; None if the minimum is positive.
+    """Return the phase of the minimum of a function between `low` and `high`; None if the minimum is
+    positive. A minimum that is zero within round-off and the resolution of the search does not count as
+    positive. Away from the minimum, the function is positive.
 
     At an end, where the coefficients may jump, the function is extrapolated linearly from inside."""
     from scipy.optimize import minimize_scalar

@@ -89,8 +89,8 @@ def _rigid_body_groups(solver: PointSolver) -> list[Array]:
 
 
 def _at_positions(result: Certified | Failed, positions: Array) -> Certified | Failed:
-    """Convert positions in a result from positions within a group of points to positions among all points.
-    positions: positions of the group among all points."""
+    """Convert the point indices in a result: from indices within a group to indices among all points.
+    positions: indices of the points of the group among all points."""
     if isinstance(result, Failed):
         return Failed(int(positions[result.position]), result.reason)
     return replace(result, positions=positions[result.positions])
@@ -218,15 +218,16 @@ class _Refinement(Comparison):
 
         An accepted point meets three conditions:
 
-        1. Each error is at most the tolerance, or counts as round-off. An error counts as round-off if this
-           grid did not halve it, and if, in addition, it is below a thousand times the estimated round-off or
-           all multipliers underflow. Larger errors may not decrease for other reasons, such as kinks in the
-           coefficients.
+        1. Each error is at most the tolerance, or counts as round-off. An error counts as round-off under two
+           conditions: this grid did not halve it, and it is below a thousand times the estimated round-off
+           unless all multipliers underflow. Larger errors may not decrease for other reasons, such as kinks
+           in the coefficients.
         2. Features of the coefficients between the samples do not cause larger errors.
         3. A finer grid would not decide an undetermined verdict.
 
         On the last grid, every point is accepted, and its errors state the accuracy reached. The errors of
-        accepted points are raised in place to those due to features between the samples."""
+        accepted points are raised, in place, to the errors due to features between the samples, if these are
+        larger."""
         is_roundoff = pair.errors < 1e3 * pair.roundoff
         is_roundoff[:, 1] |= pair.underflows
         is_roundoff &= 2 * pair.errors > self.previous_errors[pair.positions]

@@ -59,10 +59,10 @@ def first_steps(
     number of steps that resolves these modes on the grid of the comparison solution, which has twice as many
     steps.
 
-    If an orbit is requested, damped modes that require more than `most` steps do not count, nor do modes
-    whose remainder after a period is at most `_COMPARABLE` times that of these modes. With such modes, the
-    multipliers do not meet the tolerance on any grid, and fine grids would increase the round-off of the
-    orbit."""
+    If an orbit is requested, damped modes that require more than `most` steps do not count. Modes whose
+    remainder after a period is at most `_COMPARABLE` times the remainder of these modes do not count either.
+    With such modes, the multipliers do not meet the tolerance on any grid, and fine grids would increase the
+    round-off of the orbit."""
     collocation = method.corrector
     if not isinstance(collocation, Collocated):
         phase_advance = np.zeros(len(modes)) if method.l_stable else modes.phase_advance_estimate

@@ -18,9 +18,8 @@ from solve.period.named import HARMONIC, PHASE, Named
 from solve.period.signals import enough_samples
 
 EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
-"""Relative difference up to which two extrema count as equally large; and difference of their derivatives up
-to which one of the derivatives is returned, relative to the largest derivative over the period. Chosen by
-judgement."""
+"""Relative difference up to which two extrema count as equally large; and difference up to which their
+derivatives count as equal, relative to the largest derivative over the period. Chosen by judgement."""
 
 _OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
 """Further phases at which the size of the derivative is sampled, as fractions of a period after an extremum.

@@ -58,7 +58,7 @@ class GridDerivatives:
 
     @cached_property
     def problem(self) -> PeriodicProblem:
-        """Linear periodic problem of the orbit. For a free machine, it is that of the anchored system."""
+        """Linear periodic problem of the orbit or, for a free machine, of the anchored system."""
         system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
         point = SinglePoint(system, self.solved.speed)
@@ -141,9 +141,10 @@ class GridDerivatives:
         return GridMultipliers(self._original, self.solved.spectrum)
 
     def log_multiplier_derivatives(self, at: int, modulus: bool, sizes: bool = False) -> Array:
-        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus`, for the multiplier with index `at`.
+        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus` is true, for the multiplier with index `at`.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
+        If `sizes` is true, return instead, for each derivative, the estimated size of the terms of its sum.
+        """
         problem, multipliers = self.problem, self._multipliers
         n, phases = problem.point.n, problem.phases[:, problem.stages].ravel()
         vectors = multipliers.vectors(at)
@@ -178,9 +179,10 @@ class GridDerivatives:
         return (self.nodes[nodes[jumps]] != 0).any(axis=0)
 
     def slopes(self, quantities: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
-        """For each of `quantities`, the derivatives (r,), or the reason why they do not exist.
+        """For each of `quantities`, return the derivatives (r,), or the reason why they do not exist.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
+        If `sizes` is true, return instead, for each derivative, the estimated size of the terms of its sum.
+        """
         derivatives: list[Any] = []
         of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
         if of_orbit:
@@ -205,7 +207,8 @@ class GridDerivatives:
     def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
         """Derivatives (r,) of a quantity that depends on a multiplier. Raises NoDerivativeError.
 
-        If `sizes`, return the sum of the moduli of the terms of each derivative instead."""
+        If `sizes` is true, return instead, for each derivative, the estimated size of the terms of its sum.
+        """
         at = multiplier_position(self.solved, quantity)
         _require_simple(self.solved, at, quantity)
         modulus = quantity.subject == RADIUS or quantity.figure == "abs"
@@ -223,8 +226,8 @@ class GridDerivatives:
 
 
 def multiplier_position(solved: Stability, quantity: Named) -> int:
-    """Index of the multiplier on which a quantity depends. For the spectral radius, it is the first one that
-    does not belong to a rigid-body mode."""
+    """Index of the multiplier on which a quantity depends. For the spectral radius, it is the first
+    multiplier that does not belong to a rigid-body mode."""
     if quantity.number:
         return quantity.number - 1
     others = np.flatnonzero(~solved.spectrum.rigid)

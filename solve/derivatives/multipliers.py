@@ -66,10 +66,11 @@ class GridMultipliers:
         return vectors_of_multiplier
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
-        """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages, for the derivative of log |ρ|,
-        or for the derivatives of the real and the imaginary part of log ρ.
+        """Return weights (m, s, 3, n, n) of the entries of M, C and K at the stages. If `modulus` is true,
+        their weighted sum is the derivative of log |ρ|. Otherwise, there are two arrays of weights, for the
+        real and the imaginary part of the derivative of log ρ.
 
-        Each array of weights is preceded by its factor, 1 or i."""
+        Each array is preceded by the factor of its sum, 1 or i."""
         problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()
         left = left / ((left[:, None] @ problem.A)[:, 0] * right).sum(axis=1, keepdims=True)
         X = problem.stage_states(_parts(right))
@@ -84,8 +85,8 @@ class GridMultipliers:
         return -complex(y @ self._problem.rate_jump(node) @ x) / complex(y @ x)
 
     def _leading(self, rho: complex, accuracy: float) -> Vectors | None:
-        """Eigenvectors of a multiplier, computed from Φ. None if, after one period, they are not reproduced
-        to this accuracy."""
+        """Eigenvectors of a multiplier, computed from Φ. None if one period does not reproduce them to the
+        relative accuracy `accuracy`."""
         values, right, left = self._eigenvectors
         at = int(np.abs(values - rho).argmin())
         value, vectors = values[at], []

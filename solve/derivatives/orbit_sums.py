@@ -125,8 +125,8 @@ class Forward:
         ).T
 
     def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of each statistic. If `sizes`, return for each derivative the estimated size (r,)
-        of the terms of its sum instead."""
+        """Derivatives (r,) of each statistic. If `sizes` is true, return instead, for each derivative, the
+        estimated size (r,) of the terms of its sum."""
         whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
         from_signal = [whole_outputs and figure.name in self.orbit.system.outputs for figure in figures]
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
@@ -146,15 +146,15 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """Adjoint derivatives of the orbit, from one problem with one column per sum. They are efficient for many
-    parameters. The parameters must not move jumps."""
+    """Derivatives of statistics of the orbit, from one adjoint problem with one column per weighted sum. This
+    is efficient for many parameters. The parameters must not move jumps."""
 
     orbit: GridOrbit
     dependence: Dependence
 
     def derivatives_of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of each statistic. If `sizes`, return for each derivative the estimated size (r,)
-        of the terms of its sum instead."""
+        """Derivatives (r,) of each statistic. If `sizes` is true, return instead, for each derivative, the
+        estimated size (r,) of the terms of its sum."""
         term = np.abs if sizes else np.asarray
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, figures, term)
         gradient = self.orbit.problem.adjoint(data_weights)
@@ -165,8 +165,9 @@ class Adjoint:
 
 
 def term_sizes(summed: Callable[[Array], Array], weights: Array) -> Array:
-    """Estimated size of the terms of sums with weights (k, …): the square root of the sum of their squares.
-    This is the standard deviation of the sum if signs are random."""
+    """Estimated sum of the moduli of the terms of sums with weights (k, …): √k times the square root of the
+    sum of the squares of the k terms. The sum of the squares is estimated as the mean square of sums with
+    random signs."""
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWS, *weights.shape))
     squares = np.mean([np.abs(summed(sign * weights)) ** 2 for sign in signs], axis=0)
     return np.sqrt(len(weights) * squares)
@@ -186,9 +187,9 @@ def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
 def _direct_and_orbit_terms(
     orbit: GridOrbit, dependence: Dependence, figures: Sequence[WeightedSums], term: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Return derivatives (r, c) and weights (m, 2 + k, n, c) of c sums. The derivatives are with respect to θ
-    at fixed orbit; they are 0 for sums of coordinates. The weights are those of the data that define the
-    curve of the orbit.
+    """For c sums, return the derivatives (r, c) with respect to θ at fixed orbit, which are 0 for sums of
+    coordinates. Also return the weights (m, 2 + k, n, c), in the sums, of the data that define the curve of
+    the orbit.
 
     term: function applied to each term, the modulus or the identity."""
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])

@@ -102,8 +102,8 @@ class PeriodicProblem:
         return propagate(A, start, self._engine)
 
     def _end_states(self, a: Array) -> Array:
-        """States (m, 2n, r) at the ends of the steps, as far as they result from stage accelerations (m, s n,
-        r)."""
+        """Contributions (m, 2n, r) of the stage accelerations `a` (m, s n, r) to the states at the ends of
+        the steps."""
         m, _, r = a.shape
         return (self._step_powers * (self._weights @ a.reshape(m, len(self.rule.c), -1))).reshape(m, -1, r)
 
@@ -164,7 +164,7 @@ class PeriodicProblem:
         return curve if drift is None else replace(curve, drift=drift[:, 0])
 
     def solve(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
-        """Periodic solutions for r loads (m, l, n, r) at the phases at which loads act.
+        """Periodic solutions for r loads (m, l, n, r) at the loaded phases.
 
         jumps (m, 2n, r): jumps of the states at the starts of steps, where the matrices may jump. level
         (modes, r): mean motions along rigid-body modes, zero by default. Raises ResonanceError."""
@@ -345,8 +345,8 @@ class PeriodicProblem:
         return self._cache[key]
 
     def adjoint(self, of_data: Array) -> Array:
-        """Gradients (m, l, n, c) of c sums with respect to the loads, at the phases at which these act. They
-        are computed by the adjoint problem.
+        """Gradients (m, l, n, c) of c sums with respect to the loads at the l loaded phases of each step,
+        computed by the adjoint problem.
 
         of_data (m, 2 + k, n, c): weights of the data in the sums. The cost does not depend on the number of
         loads."""
@@ -382,7 +382,8 @@ def _power_basis(rule: Collocation, k: int) -> Array:
     """Matrix (3 k, D) that maps coefficients of powers of θ in a step to h² q″, h q′ and q at the k phases of
     the step.
 
-    At the stages, the values are those of the method. The curve agrees with them up to its order."""
+    At the stages, the values are computed as by the method; the curve agrees with these values up to its
+    order."""
     data = np.linalg.inv(rule.curve_powers)
     a, basis, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
     at_stages = a[1 : 1 + len(rule.c)]

@@ -34,8 +34,8 @@ _PARAMETERS_PER_ADJOINT = 2
 statistic."""
 
 _ROUNDOFF = 1e-13
-"""Round-off error of a derivative, relative to the sum of the moduli of its terms. Chosen by judgement: a few
-hundred eps."""
+"""Round-off error of a derivative, relative to the estimated size of the terms of its sum. Chosen by
+judgement: a few hundred eps."""
 
 
 @of_system
@@ -204,8 +204,9 @@ def _with_errors(
 ) -> dict[str, Sensitivity]:
     """Mapping from quantities to sensitivities with errors.
 
-    The error is the difference between the derivatives of the method and those of a method with one more
-    stage. Round-off is estimated on a coarser grid."""
+    The error is twice the difference between the derivatives by the method and by a method with one more
+    stage, plus the effect of the error of the multiplier. It is at least the round-off, which is estimated on
+    a coarser grid."""
     found = {}
     sizes = coarse.slopes(quantities, sizes=True)
     for quantity, results, size in zip(quantities, slopes, sizes, strict=True):

@@ -91,9 +91,10 @@ def export(
 
     Formats of a controller:
 
-    - ".mat": matrices at `samples` phases. - ".c", with a file ".h": tables over the phase, and functions for
-    the inputs and the observer. - ".fmu": functional mock-up unit. Its inputs are the phase and either the
-    measured quantities or the states.
+    - ".mat": matrices at `samples` phases.
+    - ".c", with a file ".h": tables over the phase, and functions for the inputs and the observer.
+    - ".fmu": functional mock-up unit. Its inputs are the phase and either the measured quantities or the
+      states.
 
     Examples
     --------

@@ -60,8 +60,8 @@ class Periods(NamedTuple):
 
 
 def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
-    """Memory in bytes per step and point, for a curve with `powers` coefficients and for the point's share of
-    the workspace of its group."""
+    """Memory in bytes per step and point. It is used for a curve with `powers` coefficients, and for the
+    point's share of the workspace of its group."""
     return 8 * n * (2 * powers + 12) if orbit else 8
 
 
@@ -76,9 +76,10 @@ def solved(
 ) -> Periods:
     """Compute the solutions of the points on steps of lengths h (m,) by compiled code.
 
-    Coefficients are sampled at the stages: m s phases, step by step. If steps do not end at a stage, orbits
-    also require samples at the starts of steps (m phases). If matrices jump at ends of steps, orbits require
-    samples at the starts and then at the ends (2m phases), for every method.
+    Coefficients are sampled at the stages: m s phases, step by step. For orbits, `nodes` contains further
+    samples. If matrices jump at ends of steps, they are at all starts of steps, followed by all ends (2m
+    phases). Otherwise, they are at the starts of steps (m phases), and only required if steps do not end at a
+    stage.
 
     Lanes contain different points. If `alone` is true, points are solved one after another, and lanes contain
     the segments of one point. Raises CompilerError, MemoryError."""

@@ -19,7 +19,7 @@ from solve.errors import counted
 
 _NATIVE = ("-march=native",), ("-mcpu=native",), ()
 """Flags for the instruction set of the processor. The first flags that the compiler accepts are used. Clang
-requires the second ones on ARM."""
+requires the second flag on ARM."""
 
 MACHINE: tuple[str, ...] = ()
 """Further flags, which select another processor."""
@@ -35,7 +35,8 @@ steps with one coordinate, relative to GCC: 1.23 times the time without the flag
 Xeon, Zig 0.17)."""
 
 _ZIG = ("-fno-sanitize=all",)
-"""Flags of Zig's C compiler. By default, its code checks for undefined behaviour at run time."""
+"""Flags of Zig's C compiler. Without these flags, the compiled code checks for undefined behaviour at run
+time."""
 
 _HEADERS = Path(__file__).parent
 _SECONDS = 300.0

@@ -11,7 +11,7 @@ class EngineError(SolveError):
 
 
 def chosen_engine(name: str) -> tuple[str, list[str]]:
-    """Return the engine selected by a name, COMPILED or NUMPY, and notes about the selection.
+    """Return the engine for a name, COMPILED or NUMPY, and notes about the selection.
 
     Raises UnknownNameError, and EngineError if "compiled" is not available."""
     if name not in ENGINES:

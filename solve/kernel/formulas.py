@@ -117,11 +117,12 @@ def figures(
     if compiled code is not available, or if memory is insufficient.
 
     curves (P, n, m, D): coefficients on equal steps, lowest power of θ first. speeds (P,): speeds in rad/s.
-    samples: number of samples per step. parts: ascending fractions, at least 8, of the interval around an
-    extremum, at which each refinement computes values. zooms: number of refinements of an extremum, and of a
-    candidate for a larger one; each refinement reduces the interval to a sixteenth. tie: relative difference
-    above which extrema are distinct. wanted (k,): indices of the quantities; coordinates are counted first,
-    then formulas. formulas: formulas with the values (P, p) of their parameters."""
+    samples: number of samples per step. parts: at least 8 ascending fractions of the interval around an
+    extremum; each refinement computes values there. zooms: number of refinements of an extremum, and number
+    of refinements of a sample that may be near a larger one. Each refinement reduces the interval to a
+    sixteenth. tie: relative difference above which extrema are distinct. wanted (k,): indices of the
+    quantities; coordinates are counted first, then formulas. formulas: formulas with the values (P, p) of
+    their parameters."""
     points, n, m, D = curves.shape
     parameters = np.zeros((points, 0)) if formulas is None else formulas.values
     text, outputs = ("", 0) if formulas is None else formulas[:2]

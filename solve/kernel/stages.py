@@ -67,8 +67,8 @@ class FactorisedStages:
         return self._called(self._library.solved, loads)
 
     def pulled(self, weights: Array) -> Array:
-        """Gradients (m, s n, r), with respect to the loads at the stages, of the sums of the stage
-        accelerations multiplied by `weights` (m, s n, r)."""
+        """Gradients (m, s n, r) of r weighted sums of the stage accelerations, with respect to the loads at
+        the stages. `weights` (m, s n, r) contains the weights of the sums."""
         return self._called(self._library.pulled, weights)
 
     def _called(self, solve: Any, given: Array) -> Array:

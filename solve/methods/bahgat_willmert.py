@@ -13,8 +13,8 @@ from solve.period.points import Points, matrices
 
 @dataclass(frozen=True)
 class BahgatWillmert(Fourier):
-    """Sum of the responses to the harmonics of the load. At each phase, they are computed as if the matrices
-    were constant: q(φ) = Re Σ_k [K + iω_k C - ω_k² M]⁻¹ d_k exp(iω_k φ)."""
+    """Sum of the responses to the harmonics of the load. At each phase, the responses are computed as if the
+    matrices were constant: q(φ) = Re Σ_k [K + iω_k C - ω_k² M]⁻¹ d_k exp(iω_k φ)."""
 
     name = "bahgat-willmert"
     order = 0

@@ -58,7 +58,8 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
 
 
 def damping(coordinates: int) -> Radau:
-    """Radau IIA method. Its order is the one that is faster for this number of coordinates."""
+    """Radau IIA method of the order that is faster for this number of coordinates: 13 for few coordinates,
+    otherwise 9."""
     return _RADAU_OF_FEW if coordinates <= _FEW else RADAU
 
 
@@ -85,8 +86,8 @@ METHODS: dict[str, Callable[..., Any]] = {
 
 
 def chosen(method: str | Rule, **settings: Any) -> Rule:
-    """Return the method named `method`, with those settings that are not None, or the function `auto` if
-    `method` is "auto". A method object is returned unchanged.
+    """Return the method with the name `method` and the given settings; settings that are None keep their
+    defaults. For "auto", return the function `auto`. A method object is returned unchanged.
 
     Raises UnknownNameError for other names. Raises ValueOutOfBoundsError for other objects, and for settings
     that the method does not have."""

@@ -49,7 +49,7 @@ def _end_accelerations(
     method: Collocation, points: Points, grid: Grid, x: Array, last: Array
 ) -> tuple[Array, Array]:
     """Accelerations (P, m, n) at the start and at the end of every step. last: accelerations of the last
-    stages, which for a stiffly accurate method are those at the ends of steps."""
+    stages. For a stiffly accurate method, these stages are the ends of the steps."""
     ends = grid.stages(np.array([0.0, 1.0]))
     if not method.stiffly_accurate:
         starts = _acceleration(points, ends[:, 0], x[:, :-1])

@@ -23,7 +23,7 @@ LAPACK's memory order. Measured time, relative to solving many steps in one call
 with 108, about 1 with 15 to 18, and 1/0.6 with 9."""
 
 _INFINITE = 1e25
-"""Modulus of hλ above which it counts as infinite. Powers up to the twelfth are representable."""
+"""Modulus above which hλ counts as infinite. Powers up to the twelfth are representable."""
 
 _SYSTEMS = 2**19
 """Size in bytes of the stage systems that are solved in one call. They fit into the processor's cache."""
@@ -62,7 +62,7 @@ class Collocation:
 
     @cached_property
     def curve_nodes(self) -> tuple[float, ...]:
-        """Fractions of the step at which the accelerations of the curve are those of the solution.
+        """Fractions of the step at which the curve has the accelerations of the solution.
 
         The end of the step is added only if s ≥ 3: the quadrature must be exact for the curve, so that the
         integral of the curve agrees with the step."""
@@ -76,9 +76,9 @@ class Collocation:
         return Constants((name, np.ascontiguousarray(part)) for name, part in found.items())
 
     def bytes_a_step(self, n: int) -> int:
-        """Memory in bytes per step for n coordinates. It contains stage accelerations, maps with their
-        products, and the same data of the coarser grid; also samples and right-hand sides if steps are solved
-        in one call."""
+        """Memory in bytes per step for n coordinates. It includes stage accelerations, maps and their
+        products, and the same data of the coarser grid. If steps are solved in one call, it also includes
+        samples and right-hand sides."""
         s = len(self.c)
         kept = s * n * (2 * n + 1) + 16 * n**2
         together = s * (3 * n**2 + n) + s * n * (2 * n + 1) + 4 * n**2
@@ -189,8 +189,8 @@ class Collocation:
 
     @cached_property
     def stage_weights(self) -> Array:
-        """Weights (s, s + 2, 3) of M, hC and h²K in the equation of each of s stages: for each of the s stage
-        accelerations, for q and for h v."""
+        """Weights (s, s + 2, 3) of M, hC and h²K in the equations of the s stages. The second axis contains
+        the s stage accelerations, q and h v, by which the matrices are multiplied."""
         s, A = len(self.c), self.A
         rows = np.zeros((s, 3, s + 2))
         rows[:, 0, :s] = np.eye(s)

@@ -137,8 +137,8 @@ def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
 
 
 def differentiation(grid: Grid) -> Array:
-    """Matrix (m, m) for differentiation with respect to the phase of the trigonometric interpolant through m
-    uniform nodes, m odd."""
+    """Matrix (m, m) that differentiates a trigonometric interpolant with respect to the phase. The
+    interpolant passes through m uniform nodes, m odd."""
     m = grid.steps
     offset = np.arange(m)[:, None] - np.arange(m)
     with np.errstate(divide="ignore"):
@@ -179,14 +179,14 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
 
 
 def _mean_order(p: Array) -> Array:
-    """Mean harmonic number (r,), in modulus, in the spectrum of each column p (m, N, r)."""
+    """Mean modulus (r,) of the harmonic number in the spectrum of each column p (m, N, r)."""
     weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
     return np.abs(np.fft.fftfreq(len(p), 1.0 / len(p))) @ weight / weight.sum(axis=0)
 
 
 def _alike(exponents: Array, rotation: float) -> bool:
-    """Whether the difference between two of the exponents (N,) is nearly a multiple of i·rotation. The two
-    may then belong to the same solution, with p(0) changed by truncation."""
+    """Whether any two of the exponents (N,) differ by nearly a multiple of i·rotation. They may then belong
+    to the same solution, with p(0) changed by truncation."""
     return any((~_apart(exponents[at + 1 :] - exponents[at], rotation)).any() for at in range(len(exponents)))
 
 
@@ -206,7 +206,7 @@ def _closed(X: Array, exponent: Array) -> Array:
 def _invariant_subspaces(
     A: Array, exponents: Array, vectors: Array, N: int, rotation: float
 ) -> tuple[Array, Array]:
-    """Matrices Z and T with A Z = Z T, for the first N exponents of which no two differ by a multiple of
+    """Matrices Z and T with A Z = Z T, for the first N exponents among which no two differ by a multiple of
     i·rotation.
 
     Exponents and eigenvectors are in order of preference. Multiple exponents are treated as a cluster, so

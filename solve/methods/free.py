@@ -80,8 +80,8 @@ def solutions_on(
 ) -> Solutions:
     """Solve points, some of which may have rigid-body modes, by a method on a grid.
 
-    For points with rigid-body modes, the monodromy matrices are those of the motion relative to the modes,
-    see `Anchored.quotient`, and the orbits have zero mean along the modes."""
+    For points with rigid-body modes, the monodromy matrices describe the motion relative to the modes (see
+    `Anchored.quotient`). The orbits have zero mean along the modes."""
     method.require_order(points)
     if held is None:
         return method.solutions(points, grid, orbit, engine)
@@ -120,7 +120,7 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
     then +1.
 
     If the momentum may jump at phase 0, there are two periodic solutions: with μ = 0 and with μ = 1 after the
-    jump. The orbit is the combination of both that has no drift."""
+    jump. The orbit is the combination of these solutions that has no drift."""
     if not isinstance(method, OneStep):
         raise MatricesError(
             f"{method.name} cannot solve a machine that rotates freely if inertia or gyroscopic forces "
@@ -153,8 +153,8 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
     """Return states, condition numbers and gained momenta of solutions that a jump of the momentum at phase 0
     makes periodic.
 
-    The states (P, m+1, N, 2) are those of two solutions. After the jump, the momentum is 0 in the first
-    solution (with loads) and 1 in the second (without loads). The gained momentum (P,) is that of the first
+    The states (P, m+1, N, 2) belong to two solutions. After the jump, the momentum is 0 in the first solution
+    (with loads) and 1 in the second (without loads). The gained momentum (P,) is the gain of the first
     solution per period. rows, units (P, N): see `Anchored.momentum`."""
     A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
     loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
@@ -168,9 +168,9 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
 
 
 def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
-    """Return the scale (P, r) of the acceleration along each mode: the largest acceleration, with respect to
-    the phase, of a coordinate that the mode moves, divided by the component of this coordinate in the
-    mode."""
+    """Return the scale (P, r) of the acceleration along each mode, with respect to the phase. For each
+    coordinate that the mode moves, the largest acceleration is divided by the component of this coordinate in
+    the mode; the scale is the largest of these ratios."""
     rate = 1.0 / float(curve.nodes[-1])
     sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
     along = np.abs(modes.vectors)
@@ -179,7 +179,7 @@ def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
 
 
 def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
-    """Mean over the period (r,) of the generalised force gᵀd along each rigid-body mode of one point, with
+    """Mean (r,) over the period of the generalised force gᵀd along each rigid-body mode of one point, with
     gᵀK = 0. If K is symmetric, g = e."""
     grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
     nodes, weights = np.polynomial.legendre.leggauss(_PLACES)

@@ -21,7 +21,7 @@ from solve.system import PeriodicSystem
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128
 
 Problem = Callable[[float], tuple[PeriodicSystem, float]]
-"""Type of functions of the value of a parameter that return a system and a speed in rad/s."""
+"""Type of functions that take the value of a parameter, and return a system and a speed in rad/s."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: i
     """Hill's determinant with the harmonics -orders … orders, for a multiplier +1 or -1.
 
     It is real, and 0 on a stability boundary with this multiplier. To avoid overflow and underflow, its
-    modulus is raised to the power 1/size, where size is that of the matrix. `boundaries` finds the zeros for
-    any parameter. Raises ValueOutOfBoundsError for another multiplier."""
+    modulus is raised to the power 1/N, where N is the number of rows of the matrix. `boundaries` finds the
+    zeros for any parameter. Raises ValueOutOfBoundsError for another multiplier."""
     sign, logarithm, size = _sign_and_logarithm(system, speed, orders, multiplier)
     return sign * float(np.exp(logarithm / size))
 

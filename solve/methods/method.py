@@ -28,8 +28,8 @@ MOST_STEPS = 2**40
 """Upper limit of the number of steps, larger than any memory permits."""
 
 _LARGE_SYSTEMS, _ENOUGH_STEPS = 4, 2**13
-"""Factor by which large systems may exceed the memory limit, and number of steps up to which they may exceed
-it, because fewer steps would not suffice. Chosen by judgement."""
+"""Factor by which large systems may exceed the memory limit, and number of steps up to which this is
+permitted, because fewer steps would not suffice. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
@@ -190,8 +190,8 @@ class Method:
         return self
 
     def in_phase(self, steps: Array, error: float) -> Array:
-        """Largest phase advance (…) of a mode per period, in rad, for which its phase error on `steps` steps
-        (…) is at most `error` (rad)."""
+        """Largest phase advance (…) of a mode per period, in rad, for which the phase error of this mode on
+        `steps` steps (…) is at most `error` (rad)."""
         if not self.phase_constant:
             return np.full(np.shape(steps), np.inf)
         return steps * (error / (self.phase_constant * steps)) ** (1 / (self.order + 1))

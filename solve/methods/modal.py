@@ -63,9 +63,9 @@ class Modal(OneStep):
 class _Uncoupled(Points):
     """Points in modal coordinates at ascending phases (k,): M = I, C = diag δ, K = diag ω², and loads.
 
-    Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis, Eq. (6.12)) and continuous signs. They
-    are NaN at points with complex modes, for which the mask `complex` (P,) is true. state_bases (P, 2n, 2n):
-    constant maps between physical and modal states, from the modes at the first phase."""
+    Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis, Eq. (6.12)) and continuous signs. The
+    mask `complex` (P,) marks the points with complex modes; their modes are NaN here. state_bases (P, 2n,
+    2n): constant maps between physical and modal states, from the modes at the first phase."""
 
     def __init__(self, points: Points, phase: Array):
         super().__init__(points.n, points.period)

@@ -2,8 +2,8 @@
 limits for the undamped oscillator η″ + ω²η = 0 (section 6.2.3 of the thesis, Fig. 6.1).
 
 Chapter Eqs. (23)-(40) use the state x = (q, q′, q″). The predictor z = (q*, q′*) of chapter Eq. (27) is an
-equivalent state with 2n components: z_{k+1} = B z_k + …. The spectrum of its map is that of the map of x
-without n zeros. The map does not require the inverse of M."""
+equivalent state with 2n components: z_{k+1} = B z_k + …. The map of z has the eigenvalues of the map of x,
+except for n zeros. It does not require the inverse of M."""
 
 import math
 from dataclasses import dataclass

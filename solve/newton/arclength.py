@@ -34,8 +34,8 @@ _FEW, _MANY = 2, 5
 corrections, it is shorter. Chosen by judgement."""
 
 _MIN_PATH = 1e-6
-"""Shortest distance from the start of a path beyond a grazing orbit, relative to the length of the path, at
-which a point within the range is sought. Chosen by judgement."""
+"""The search for a point within the range, on a path past a grazing orbit, ends at this distance from the
+start of the path. The distance is relative to the length of the path. Chosen by judgement."""
 
 _ROUNDOFF = 4 * EPS
 """Relative round-off error of the parameter, which is added to its error."""
@@ -63,7 +63,7 @@ special points in succession are rare."""
 
 _SAME = 1e-3
 """Distance, in scaled coordinates, below which two orbits at the same value of the parameter count as the
-same. Chosen by judgement: above the errors of orbits, below the distance between different orbits."""
+same orbit. Chosen by judgement: above the errors of orbits, below the distance between different orbits."""
 
 
 def first_point(parameters: ContinuationParameters, orbit: Orbit, value: float) -> Point:
@@ -182,10 +182,10 @@ class _BranchFollower:
         return self._stored(found, length)
 
     def _beyond_grazing(self, points: Sequence[Point]) -> tuple[list[Point], float, Path]:
-        """Step past a grazing orbit near the last point of the branch. Return the first points beyond it, the
-        length of the next step, and the path of the step. The returned points begin with a copy of the last
-        point, labelled as a grazing point, unless there is a special point near the grazing orbit. Raises
-        SolveError if no point beyond it is found."""
+        """Step past a grazing orbit near the last point of the branch. Return the first points beyond this
+        orbit, the length of the next step, and the path of the step. The returned points begin with a copy of
+        the last point, labelled as a grazing point, unless there is a special point near the grazing orbit.
+        Raises SolveError if no point beyond the grazing orbit is found."""
         before = points[-1]
         beyond, path = points_beyond(self.manifold, before)
         length = self.manifold.distance(beyond[-1].unknowns, before.unknowns, before.sizes)
@@ -322,7 +322,7 @@ class _BranchFollower:
         return self._at(near, value)
 
     def _on(self, path: Path, value: float) -> Point:
-        """Return the last point on a path beyond a grazing orbit at which the parameter has the value
+        """Return the last point, on a path past a grazing orbit, at which the parameter has the value
         `value`."""
         at, end = path
 

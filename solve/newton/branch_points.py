@@ -25,14 +25,14 @@ _PHASES = 1024
 
 _MAX_TASKS = 8
 """Number of cached tasks, one for each combination of parameter values. Chosen by judgement: the computation
-of a point uses one or two."""
+of a point uses one or two tasks."""
 
 
 @serializable
 @dataclass(frozen=True)
 class Unknowns:
-    """Unknowns of a continuation: an orbit as a curve, and the values (k,) of the parameters. The difference
-    of two such vectors is stored in the same form."""
+    """Unknowns of a continuation: an orbit as a curve, and the values (k,) of the parameters. Differences of
+    unknowns are stored in the same form."""
 
     curve: Curve
     values: Array

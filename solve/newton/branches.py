@@ -202,8 +202,8 @@ def continuation(
 
 
 def range_of(system: PeriodicSystem, over: str) -> tuple[str, float, float]:
-    """Parse the text NAME=A:B, in which a unit may follow the values. Return the name, and the first and last
-    value in the declared unit of the parameter (rad/s for the speed). Raises SolveError."""
+    """Parse the string NAME=A:B, in which a unit may follow the values. Return the name, and the first and
+    last value in the declared unit of the parameter (rad/s for the speed). Raises SolveError."""
     usage = f"over is {over!r}; write NAME=A:B, two different values, such as 'k1=1e4:9e4'"
     name, equals, values = over.partition("=")
     name, (limits, _, unit) = name.strip(), apart(values.strip()).partition(" ")

@@ -41,10 +41,11 @@ length of the step, because the parameter changes much."""
 
 
 def points_beyond(manifold: Manifold, before: Point) -> tuple[list[Point], Path]:
-    """Return the first point beyond the grazing orbit near `before`, preceded by the special points on the
-    way to it, and the path to it.
+    """Return the special points on the way past the grazing orbit near `before`, followed by the first point
+    beyond this orbit. Also return the path of the step to that point.
 
-    Raises NoOrbitError if the equations have no switches, or if no such orbit is found."""
+    Raises NoOrbitError if the equations have no switches, or if no point beyond the grazing orbit is found.
+    """
     directions = [_towards_switch(manifold, before), *before.tangents[1:]]
 
     def at(length: float) -> Point:

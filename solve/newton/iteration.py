@@ -1,7 +1,7 @@
 """Newton's iteration for a nonlinear orbit (Newton–Kantorovich). Each correction solves the linear periodic
 problem along the last curve (U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value
-Problems, 2.3.4). A correction is damped if its full length would not reduce the norm of the next one (P.
-Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
+Problems, 2.3.4). A correction is damped if its full length would not reduce the norm of the next correction
+(P. Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
 
 import math
 from collections.abc import Sequence
@@ -224,8 +224,9 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int, last: float) -> C
 
 def _initial(task: Task, start: Motion, grid: Grid) -> Curve:
     """Return the curve of the motion from which the iteration starts. A curve with fewer steps than the grid
-    is not interpolated, which would be less accurate. A curve with more steps is interpolated, because its
-    contacts may be shorter than the steps of the grid, on which the next iterate would miss them."""
+    is not interpolated, because interpolation would make it less accurate. A curve with more steps is
+    interpolated, because its contacts may be shorter than the steps of the grid, on which the next iterate
+    would miss them."""
     if isinstance(start, Curve) and len(start.h) <= grid.steps and start.nodes[-1] == task.period:
         return start
     return on(grid, start)

@@ -128,7 +128,7 @@ class LinearFamily:
         d if `load` is None.
 
         Return None if the equations of `_null_space` must be solved instead, for example because a multiplier
-        is near +1. For machines with rigid-body modes, those equations are never used."""
+        is near +1. For machines with rigid-body modes, the equations of `_null_space` are never used."""
         if self._is_coupled:
             return None
         try:

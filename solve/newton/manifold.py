@@ -32,7 +32,8 @@ than the one before. Chosen by judgement."""
 
 _QUADRATIC, _SAFETY = 1e-2, 10.0
 """Norm of a correction below which the convergence counts as quadratic, and safety factor on the predicted
-size of the next correction, size³/last². Chosen by judgement."""
+norm of the next correction. The prediction is size³/last², where `last` and `size` are the norms of the last
+two corrections. Chosen by judgement."""
 
 _RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.1, 1e-10
 """Upper limit of the last correction as a fraction of rtol, if this is smaller than `_MAX_LAST_CORRECTION`;
@@ -45,7 +46,7 @@ _LANES = 8
 finer grids are multiples of this number."""
 
 _ORBIT_ROUNDOFF = 64 * EPS
-"""Relative error of an orbit due to round-off. Single orbits have the same value
+"""Relative error of an orbit due to round-off. The same value is used for single orbits
 (`solve.certify.comparison`)."""
 
 _MAY_REST = 1e-10
@@ -108,9 +109,9 @@ class Manifold:
         check: Callable[[Unknowns, Unknowns], None] | None = None,
         curvature: Unknowns | None = None,
     ) -> tuple[Point, int]:
-        """Return the point at given lengths from `before` along directions, one per parameter, and its number
-        of corrections. If all lengths are 0, the components along the directions also remain fixed when the
-        grid is refined.
+        """Return the point at the distances `lengths` from `before` along `directions`, one per parameter.
+        Also return the number of corrections. If all lengths are 0, the components along the directions also
+        remain fixed when the grid is refined.
 
         check: function that is called with the converged unknowns and their first tangent. It raises
         SolveError to reject the point before the errors are estimated, which takes as long as the iteration.

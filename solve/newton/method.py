@@ -68,11 +68,12 @@ def _next(task: Task, curve: Curve, grid: Grid) -> Solutions:
 
 class Newton(Method):
     """Newton's iteration with the interface of a method for one point, so that `certified` can compare grids.
-    On each grid, the iteration is by the method with one more stage, and starts from the curve on the finest
-    grid so far. One more correction, by the method itself, is its solution.
+    On each grid, the iteration uses the method with one more stage, and starts from the curve on the finest
+    grid so far. The solution by the method itself is one further correction of the result.
 
-    The multipliers of the two solutions belong to different curves: those of the more accurate solution, to
-    the curve before its last correction. Their difference therefore includes the effect of this correction.
+    The multipliers of the two solutions belong to different curves. The multipliers of the more accurate
+    solution belong to the curve before its last correction. The difference between the multipliers therefore
+    includes the effect of this correction.
 
     Attributes
     ----------

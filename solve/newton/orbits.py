@@ -160,8 +160,8 @@ class _Search:
         return [self.task.grid(count) for count in counts]
 
     def find(self) -> NonlinearOrbit:
-        """Return the orbit that the first successful strategy finds. If this orbit is unstable, return the
-        orbit on which a transient settles instead, unless that orbit is unstable too."""
+        """Return the orbit that the first successful strategy finds. If this orbit is unstable, but a
+        transient settles on an orbit that is not unstable, return the orbit of the transient."""
         strategies = _STRATEGIES if self.task.periods == 1 else (_TRANSIENT, *_STRATEGIES[:-1])
         failed: list[str] = []
         unstable: NonlinearOrbit | None = None

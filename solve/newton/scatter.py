@@ -147,8 +147,8 @@ def _orbit_index(
     states: list[Array],
 ) -> int:
     """Return the index in `orbits` of the orbit on which a motion has settled; -1 if no such orbit is found.
-    A new orbit is appended to `orbits`, and its states at the starts of the model periods to `states`. Orbits
-    that differ only by a shift of some periods count as the same."""
+    A new orbit is appended to `orbits`. Its states at the starts of the model periods are appended to
+    `states`. Orbits that differ only by a shift of some periods count as the same."""
     state = motions[0][:2, :, 0].ravel()
     for number, known in enumerate(states):
         limit = _SAME * np.maximum(np.tile(sizes, 2), np.abs(known).max(axis=0))

@@ -31,8 +31,8 @@ def follow_orbits(
     """Return the branches through several orbits at the parameter value `value`. Each branch has at most
     `most` points in each direction.
 
-    starts: one pair per orbit, which contains its number of periods and a function that returns it. An orbit
-    that lies on an earlier branch is skipped."""
+    starts: for each orbit, its number of periods and a function that returns the orbit. An orbit that lies on
+    an earlier branch is skipped."""
     followed, crossings = list[Followed](), list[tuple[int, list[Point]]]()
     for periods, start in starts:
         by_periods = parameters.over_periods(periods)

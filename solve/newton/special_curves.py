@@ -164,8 +164,8 @@ class _CurveFollower:
         return replace(point, kind=self.kind)
 
     def _on_curve(self, before: _OnCurve, point: Point, slope: float) -> _OnCurve:
-        """Return the point of the curve with its tangent. The tangent is that at `before`, reflected about
-        the chord between the points. Raises NoOrbitError if the curve bends too much."""
+        """Return the point of the curve with its tangent. This tangent is the tangent at `before`, reflected
+        about the chord between the points. Raises NoOrbitError if the curve bends too much."""
         first = before.point
         along = np.array([self.manifold.component(first, point, each) for each in first.tangents])
         along /= np.linalg.norm(along)

@@ -43,12 +43,13 @@ _MIN_POINTS = 6
 _DEGREE_FRACTION = 0.1
 """Largest permitted difference, as a fraction of rtol, between the parameters at zeros of polynomials of two
 degrees. Chosen by judgement: the difference is the error of the polynomial of lower degree, which is far
-larger than that of the other one."""
+larger than the error of the polynomial of higher degree."""
 
 Test = Callable[[Point], float]
 
 Path = tuple[Callable[[float], Point], float]
-"""Function that returns the point at a length along a path between two points, and the length of the path."""
+"""Type of paths between two points: a function that returns the point at a length along the path, and the
+length of the path."""
 
 
 def special_points(
@@ -59,9 +60,9 @@ def special_points(
     branches_cross: bool = False,
 ) -> tuple[list[Point], bool]:
     """Return the special points between two neighbouring points of a branch, in their order along the branch.
-    Also return whether all of them are located; those that cannot be located are omitted. path: path from
-    `before` to `after`; by default along the tangent at `before`. branches_cross: whether the change of the
-    orientation between the points is due to a branching point."""
+    Special points that cannot be located are omitted. Also return whether all special points are located.
+    path: path from `before` to `after`; by default along the tangent at `before`. branches_cross: whether the
+    change of the orientation between the points is due to a branching point."""
     found, tests = [], _tests(before, after, branches_cross)
     for kind, test in tests.items():
         with suppress(SolveError):
@@ -76,8 +77,8 @@ def _tests(before: Point, after: Point, branches_cross: bool) -> dict[str, Test]
     """Return the test functions that have a zero between two points. The keys are the kinds of the special
     points.
 
-    A branch that turns back at a branching point, such as that of the orbits without symmetry, has no fold
-    there."""
+    A branch that turns back at a branching point, such as the branch of the orbits without symmetry, has no
+    fold there."""
     tests: dict[str, Test] = {}
     if before.direction.value * after.direction.value < 0:
         tests[BRANCHING if branches_cross else FOLD] = lambda point: point.direction.value
@@ -193,10 +194,10 @@ def _zero(lengths: Sequence[float], values: Sequence[float], end: float) -> floa
 
 
 def _between(points: Sequence[Point], lengths: Sequence[float], length: float) -> Point:
-    """Return the point at a length along a path by polynomial interpolation between points at `lengths`.
-    Error estimates are the largest ones of the points. Multipliers are interpolated between points at which
-    as many of them are real as at the nearest point; the one nearest to +1 is then set to +1, and its change
-    is included in the error of the spectral radius."""
+    """Return the point at a length along a path by polynomial interpolation between points at `lengths`. The
+    error estimates are the largest among the points. Multipliers are interpolated only between points with as
+    many real multipliers as the nearest point. The multiplier nearest to +1 is then set to +1; this change is
+    included in the error of the spectral radius."""
 
     def mean(values: Sequence[Array], chosen: Sequence[int]) -> Array:
         at = np.array(lengths)[list(chosen)]
@@ -244,7 +245,7 @@ def zero_between(
 
     function: function that returns, for an argument, its value and a point. ends, values: two arguments and
     the values there, which have different signs. agree: function that returns whether two successive points
-    agree. reached: point with which the first one is compared. Raises NoOrbitError."""
+    agree. reached: point with which the first point is compared. Raises NoOrbitError."""
     (low, high), (first, second), kept = ends, values, False
     most = _ZERO * abs(second - first)
     for _ in range(_MAX_REFINEMENTS):

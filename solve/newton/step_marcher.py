@@ -40,8 +40,9 @@ class StepMarcher:
     period.
 
     The number of steps is doubled until two results, and the result for averaged coefficients, agree to
-    `rtol`, or until it reaches 16384. The difference of the results is relative to the largest value of each
-    coordinate so far, which is initially `sizes` (n,). The steps damp out modes that they do not resolve.
+    `rtol`, or until this number reaches 16384. The difference of the results is relative to the largest value
+    of each coordinate so far, which is initially `sizes` (n,). The steps damp out modes that they do not
+    resolve.
 
     error: largest relative difference so far. angle: largest ω_max h of the fastest mode so far.
     """
@@ -169,7 +170,7 @@ class _PeriodSteps:
     @cached_property
     def _breaks(self) -> tuple[float, ...]:
         """Values of s at which the matrices jump, from φ · mean = first · s + slope · s²/2. They include s =
-        0, because the state at the end of a period differs from that at the start."""
+        0, because the state at the end of a period differs from the state at its start."""
         first, last = self.ends
         if first == last:
             return 0.0, *self._system.breaks

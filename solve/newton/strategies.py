@@ -35,8 +35,8 @@ _MAX_PERIODS = 80
 
 _TRIAL_INTERVAL = 5
 """Number of periods between trials of Newton's iteration from a transient that has not settled. Measured for
-gears that rattle, at 30 speeds: with 5, a stable orbit is found at 17 speeds, with 16 at 13. The search takes
-1.5 times as long."""
+gears that rattle, at 30 speeds: with 5 periods, a stable orbit is found at 17 speeds; with 16 periods, at 13
+speeds. With 5 periods, the search takes 1.5 times as long as with 16."""
 
 _RTOL = 1e-6
 """Relative tolerance of the transient. Chosen by judgement: far below the change that counts as settled."""
@@ -190,7 +190,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
 
 
 def from_state(task: Task, state: Array, grid: Grid) -> Converged:
-    """Return the orbit on which a motion has settled, from its state (2n,), q and q', at phase 0. Finer grids
+    """Return the orbit on which a motion has settled, from its state (q, q') (2n,) at phase 0. Finer grids
     are tried until Newton's iteration converges, because short contacts with stiff stops require small steps.
     Raises NoOrbitError."""
     sizes = linear_sizes(task, grid)
@@ -231,9 +231,9 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
 
 
 def motion_from(task: Task, state: Array, sizes: Array, states: int, rtol: float) -> Curve:
-    """Integrate the motion over the period of the orbit from the state (2n,), q and q', at phase 0, and
-    return it. sizes (n,): scales of the coordinates. states: number of states per period of the system. rtol:
-    tolerance of the integration."""
+    """Integrate the motion over the period of the orbit from the state (q, q') (2n,) at phase 0, and return
+    this motion. sizes (n,): scales of the coordinates. states: number of states per period of the system.
+    rtol: tolerance of the integration."""
     march, turns = nonlinear_of(task.system).marcher(sizes, states, rtol), []
     for turn in range(task.periods):
         turns.append(march(state, turn * task.system.period, task.speed))

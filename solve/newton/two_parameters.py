@@ -26,8 +26,8 @@ from solve.system import PeriodicSystem, of_system, shown_in
 _MAX_ABS = FIGURES.index("max_abs")
 
 _SAME = 1e-4
-"""Distance, relative to the parameter ranges, within which the end of a curve counts as the start of another.
-Chosen by judgement."""
+"""Distance, relative to the parameter ranges, below which the end of one curve and the start of another count
+as the same point. Chosen by judgement."""
 
 
 @of_system
@@ -137,8 +137,8 @@ def _continuation(
 
 
 def _starts(parameters: ContinuationParameters, point: Point, end: Point) -> bool:
-    """Whether the end `end` of an earlier curve is the special point `point` of the branch over the first
-    parameter."""
+    """Whether the point `end`, at which an earlier curve ends, is the special point `point` of the branch
+    over the first parameter."""
     values = np.array([point.value, parameters.ranges[1, 0]])
     return bool((np.abs(end.orbit.values - values) <= _SAME * parameters.spans).all())
 

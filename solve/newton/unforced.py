@@ -35,16 +35,16 @@ _LEAST, _MOST, _GROWTH = 1e-9, 1e6, 2.0
 ratio of successive trial amplitudes. Chosen by judgement."""
 
 _DETUNED, _FAR = 1e-3, 0.05
-"""Smallest and largest difference between the frequency of the first orbit and that of small vibrations,
-relative to the length of the range. Chosen by judgement."""
+"""Smallest and largest difference between the frequency of the first orbit and the frequency of small
+vibrations, relative to the length of the range. Chosen by judgement."""
 
 _ACCURATE = 1e-6
 """Largest error of the first orbit. Chosen by judgement: a thousandth of `_DETUNED`. Otherwise, the error of
 an orbit that just touches a hard stop could count as detuning."""
 
 _NARROWEST = 1e-4
-"""Relative distance between an amplitude at which an orbit is found and one at which none is found, below
-which the search for the first orbit ends. Chosen by judgement."""
+"""The search for the first orbit ends if the relative distance between an amplitude with an orbit and an
+amplitude without an orbit is below this value. Chosen by judgement."""
 
 _IS_ZERO = 1e-9
 """Size of damping terms, and of variations of the coefficients, that counts as zero, relative to the
@@ -185,8 +185,8 @@ def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -
 
 def _detuned(parameters: ContinuationParameters, frequency: float, shape: Array) -> Point:
     """Return the orbit of a mode at the smallest trial amplitude at which its frequency clearly differs from
-    that of small vibrations. If no accurate orbit is found beyond some amplitude, as beyond the clearance of
-    a hard stop, return the orbit at this amplitude."""
+    the frequency of small vibrations. If no accurate orbit is found beyond some amplitude, as beyond the
+    clearance of a hard stop, return the orbit at this amplitude."""
     grid, manifold = parameters.task.grid(_STEPS), Manifold(parameters)
     growing, shifting = (_harmonic(parameters.task, grid, shape, way) for way in (np.cos, np.sin))
     ways, span, below, amplitude = [growing, shifting], parameters.spans[0], 0.0, _LEAST

@@ -31,7 +31,7 @@ class Anchored(DerivedPoints):
     """Points whose rigid-body modes `modes` are anchored, as described in the docstring of this module.
 
     drift (P, n): prescribed steady velocity w along e, as a derivative with respect to the phase. The drag C
-    w is subtracted from the load. weights (P, r, n): rows l to be used instead of `modes.measures`."""
+    w is subtracted from the load. weights (P, r, n): rows l that replace `modes.measures`."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class Anchored(DerivedPoints):
         return Anchored(self.points[positions], self.modes[positions], drift, weights)
 
     def drifting(self, drift: Array | None) -> "Anchored":
-        """Return the same points with another prescribed velocity."""
+        """Return the same points with the prescribed velocity `drift`."""
         return Anchored(self.points, self.modes, drift, self.weights)
 
     @property
@@ -57,8 +57,7 @@ class Anchored(DerivedPoints):
         return self.modes.measures if self.weights is None else self.weights
 
     def tables(self, phase: Array) -> Tables:
-        """Tables of the anchored equations: C with added multiples of M, and K with added multiples of C and
-        M."""
+        """Tables of the anchored equations. Multiples of M are added to C, and multiples of C and M to K."""
         n, tables, modes = self.n, self.points.tables(phase), self.modes
         (alpha, beta), along = self._rates, modes.vectors
         twice = beta * ~modes.damped
@@ -87,17 +86,17 @@ class Anchored(DerivedPoints):
     def quotient(self, Phi: Array) -> Array:
         """Return the monodromy matrices (P, N, N) of the motion relative to the modes.
 
-        `Phi` (P, N, N): monodromy matrices of the anchored points. For a mode with C e ≠ 0, the velocity
-        along the mode is stored as the rate of the reference coordinate. All other entries of reference
-        coordinates are zero."""
+        `Phi` (P, N, N): monodromy matrices of the anchored points. For a mode with C e ≠ 0 and without
+        conserved momentum, the velocity along the mode is stored as the rate of the reference coordinate. All
+        other rows and columns of reference coordinates are zero."""
         left, right = self._projection(whole=True)
         return left @ Phi @ right
 
     def steps(self, A: Array) -> Array:
         """Return the one-step maps (P, m, N, N) in the coordinates of `quotient`.
 
-        `A`: one-step maps of the anchored points. The diagonal is 1 where that of `quotient` is zero; the
-        multipliers of rigid-body modes are then exactly 1."""
+        `A`: one-step maps of the anchored points. Where a row and its column are zero, the diagonal entry is
+        set to 1; the multipliers of rigid-body modes are then exactly 1."""
         left, right = self._projection(whole=False)
         maps = left[:, None] @ A @ right[:, None]
         ones = 1.0 - (right != 0).any(axis=-2)
@@ -107,8 +106,8 @@ class Anchored(DerivedPoints):
         """Return two matrices (P, N, N): the projection of states onto the motion relative to the modes, and
         the embedding of this motion in the states.
 
-        whole: for the map of the whole period, where the velocity of a mode with conserved momentum is also
-        excluded."""
+        whole: whether the matrices are for the map of the whole period. They then also exclude the velocity
+        of a mode with conserved momentum."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
         N, p = state_size(self), n - self.first_order
@@ -132,7 +131,7 @@ class Anchored(DerivedPoints):
         return left, right
 
     def momentum(self) -> tuple[Array, Array]:
-        """Return rows and states of the conserved momenta; every point must have one.
+        """Return rows and states of the conserved momenta. Every point must have a conserved momentum.
 
         The rows (P, 2n) map a state of the anchored points at phase 0 to the momentum. The states (P, 2n) are
         rigid-body velocities with momentum 1."""
@@ -146,8 +145,8 @@ class Anchored(DerivedPoints):
         return rows, units
 
     def motion(self, curve: Kind, mass: Array) -> tuple[Kind, Array]:
-        """Return the motion q of the points and the secular motion (P, r) of each mode, as a derivative with
-        respect to the phase.
+        """Return the motion q of the points and the secular motion (P, r) along each mode. The secular motion
+        is a derivative with respect to the phase.
 
         `curve`: q̃ of the anchored points. The mean of q along the modes is zero in the norm of the mass
         matrix `mass` (P, n, n). If C e ≠ 0, the secular motion is a steady velocity, which the returned curve

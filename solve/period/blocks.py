@@ -39,7 +39,7 @@ class Blocks:
 
 
 def balanced_blocks(steps: Array, loss: float = LOSS) -> Blocks:
-    """Multiply neighbouring one-step maps (P, m, N, N) into blocks, in units that balance them.
+    """Multiply neighbouring one-step maps (P, m, N, N) into blocks, in units that balance the blocks.
 
     Maps are in order of application. Neighbours are multiplied as long as the product is accurate in every
     direction at every point; the entries of the maps are assumed to have round-off errors. loss: see

@@ -37,8 +37,8 @@ _CUBIC[:4] = np.linalg.inv(
 )
 
 _ALIKE = 4e-13
-"""Tolerance for equal fractions of a step, divided by the number of steps. It exceeds round-off and the small
-displacement of phases at jumps."""
+"""Tolerance per step of the grid: on m steps, two fractions of a step count as equal if they differ by at
+most m times this value. The tolerance exceeds round-off and the small displacement of phases at jumps."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class PeriodicCurve(ABC):
 
     @abstractmethod
     def antiderivative(self) -> Self:
-        """Return the periodic antiderivative, with mean zero, of q minus its mean."""
+        """Return the periodic antiderivative of q minus its mean. The mean of the antiderivative is zero."""
 
     def __getitem__(self, points: Any) -> Self:
         """Curves of a selection of points, or of one point."""
@@ -96,14 +96,15 @@ class PeriodicCurve(ABC):
         coordinates."""
 
     def combined(self, rows: Array) -> Self:
-        """Return the products of rows (P, r, n) and the coordinates of P curves, without drift."""
+        """Return the products of rows (P, r, n) and the coordinates of P curves, as r new coordinates without
+        drift."""
         points, n, *others = self.coefficients.shape
         products = rows @ self.coefficients.reshape(points, n, -1)
         return type(self)(self.nodes, products.reshape(points, -1, *others))
 
     def plus(self, other: Self) -> Self:
-        """Return the sum with curves of the same kind and nodes, without drift. The numbers of coefficients
-        may differ."""
+        """Return the sum of these curves and `other`, without drift. The curves `other` have the same kind
+        and nodes; their number of coefficients may differ."""
         fewer, more = sorted((self.coefficients, other.coefficients), key=lambda each: each.shape[-1])
         total = more.copy()
         total[..., : fewer.shape[-1]] += fewer
@@ -139,7 +140,8 @@ class Curve(PeriodicCurve):
     @classmethod
     def cubic(cls, nodes: Array, q: Array, v_start: Array, v_end: Array) -> "Curve":
         """Cubic Hermite interpolant with error O(h^4), from q at the nodes (…, m+1, n) and first derivatives
-        at both ends of each step (…, m, n). It is stored with six coefficients per step, as `quintic`."""
+        at both ends of each step (…, m, n). It is stored with six coefficients per step, like the result of
+        `quintic`."""
         h = np.diff(nodes)[:, None]
         data = (q[..., :-1, :], h * v_start, q[..., 1:, :], h * v_end)
         return cls.from_steps(nodes, np.stack(data, axis=-1), _CUBIC)
@@ -147,11 +149,12 @@ class Curve(PeriodicCurve):
     @classmethod
     def from_steps(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
         """Curve from r numbers per step and coordinate, `data` (…, m, n, r). The matrix `powers` (D, r)
-        converts them to coefficients of powers of θ."""
+        converts these numbers to coefficients of powers of θ."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
     def joined(self, other: "Curve") -> "Curve":
-        """Curve of the coordinates of this curve, followed by those of another curve with the same nodes."""
+        """Curve of the coordinates of this curve, followed by the coordinates of `other`, which has the same
+        nodes."""
         return Curve(self.nodes, np.concatenate((self.coefficients, other.coefficients), axis=-3))
 
     @cached_property

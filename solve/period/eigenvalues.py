@@ -27,8 +27,8 @@ perturbation. Chosen by judgement."""
 def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | None:
     """Compute the eigenvalues of matrices (P, N, N) and their condition numbers with compiled code.
 
-    Return None for another engine, without compiled code, and for large N. units (P, N): units of the states
-    as returned by `balance_matrices`, if known."""
+    Return None if `engine` is not COMPILED, if compiled code is not available, or if N is large. units (P,
+    N): units of the states as returned by `balance_matrices`, if known."""
     found = kernel.conditioned(Phi, units) if engine == COMPILED else None
     if found is not None and (is_missing := np.isnan(found.values[:, 0])).any():
         matrices, known_units = Phi[is_missing], None if units is None else units[is_missing]
@@ -45,9 +45,9 @@ def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, A
     """Return the eigenvalues (…, N), in order of decreasing modulus, and Frobenius norms (…).
 
     Of a conjugate pair, the positive imaginary part is first. The norm of a 2×2 matrix is the smallest over
-    all units of the states. The norm of a larger matrix is that of the balanced matrix if the smallest
-    eigenvalue may be round-off, and otherwise that of the matrix itself, which may be larger. units (…, N):
-    units of the states as returned by `balance_matrices`, if known."""
+    all units of the states. For larger matrices, the norm is that of the balanced matrix if the smallest
+    eigenvalue may be round-off. Otherwise, it is the norm of the matrix itself, which may be larger. units
+    (…, N): units of the states as returned by `balance_matrices`, if known."""
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         norm = np.asarray(unit * _least_pair_norm(*scaled))
@@ -66,8 +66,7 @@ def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, A
 def multiplier_roundoff(
     Phi: Array, units: Array | None = None, steps: int = 1, known: Conditioned | None = None
 ) -> Array:
-    """Estimate the errors (…) of the multipliers, relative to the spectral radius, that are due to the
-    round-off of Φ.
+    """Estimate the errors (…) of the multipliers due to the round-off of Φ, relative to the spectral radius.
 
     The round-off accumulated in `steps` steps is multiplied by the condition number of the eigenvalue. For a
     defective block of k eigenvalues, the k-th root of the round-off is used instead if it is smaller. units
@@ -171,8 +170,8 @@ def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, 
 
 
 def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
-    """Return the largest number (…), at least 2, of ill-conditioned eigenvalues (…, N) that may be one
-    multiple eigenvalue, split by a perturbation."""
+    """Return the largest number (…) of the ill-conditioned eigenvalues among `values` (…, N) that a
+    perturbation may have split from one multiple eigenvalue. The number is at least 2."""
     size = np.full(perturbation.shape, 2)
     is_ill = conditions * np.sqrt(perturbation)[..., None] > _ILL_CONDITIONED
     if values.shape[-1] == 2 or not (is_ill.sum(axis=-1) > 2).any():

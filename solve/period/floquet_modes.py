@@ -16,9 +16,10 @@ from solve.period.grid import Grid
 from solve.period.product_eigenvalues import ProductEigenvalues
 
 ALIASED = 0.1
-"""Upper limit of two measures for modes whose harmonics are resolved by the steps. With a mass matrix, the
+"""The steps resolve the harmonics of a mode if a measure is at most this value. With a mass matrix, the
 measure is the relative difference between the mean square of the rates and its value from the harmonics.
-Otherwise, it is the fraction of the mode in the upper third of the harmonics. Chosen by judgement."""
+Without a mass matrix, it is the fraction of the mode in the upper third of the harmonics. Chosen by
+judgement."""
 
 _SAME = 1e-6
 """Relative difference below which the participations of two harmonics count as equal. Chosen by judgement."""
@@ -69,7 +70,7 @@ def floquet_modes(
         Mean of M in any unit. None for systems with first-order states; participations then include all
         states, in units that balance the maps.
     blocks : Blocks
-        Products of these maps.
+        Products of the one-step maps.
     eigenvalues : ProductEigenvalues
         Eigenvalues of the product of the blocks, with right eigenvectors.
     rotation : float

@@ -1,4 +1,4 @@
-"""Modes of the coefficients frozen at fixed phases, and bounds on the moduli of their eigenvalues.
+"""Modes of systems with coefficients frozen at fixed phases, and bounds on the moduli of their eigenvalues.
 
 Bounds are evaluated first. Eigenvalues are computed only if the bounds do not suffice.
 """
@@ -32,12 +32,12 @@ PHASES = 128
 """Number of phases at which coefficients are frozen by default. Chosen by judgement."""
 
 _BALANCED = 64.0
-"""Largest ratio between rows, or between the entries of a column, for which elimination loses few digits.
-Chosen by judgement."""
+"""Largest ratio between the sizes of two rows, or between an entry and the diagonal entry of its column, for
+which elimination loses few digits. Chosen by judgement."""
 
 _STEADY = 0.02
-"""Modulus of det M, relative to the modulus of its median, below which M may be singular at a nearby phase.
-Chosen by judgement."""
+"""Modulus of det M, relative to its median modulus, below which M may be singular at a nearby phase. Chosen
+by judgement."""
 
 _FEW = np.s_[::16]
 """Phases from which rates are estimated if no bound is required: every 16th phase."""
@@ -76,7 +76,7 @@ class FrozenModes:
 
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
-        """Rigid-body modes at these phases; None if no point has one."""
+        """Rigid-body modes, from the coefficients at `phases`; None if no point has a rigid-body mode."""
         if self.n == 1 and not self._tables.per_point:
             low, high = self._ranges
             M, C, K = np.maximum(-low[:3], high[:3])
@@ -92,7 +92,7 @@ class FrozenModes:
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """M, C and K (P, k, n, n) with respect to the phase."""
+        """M, C and K (P, k, n, n) for derivatives with respect to the phase."""
         M, C, K = self._matrices_at().transpose(0, 3, 4, 1, 2)
         return M, C, K
 
@@ -115,7 +115,7 @@ class FrozenModes:
         return self._tables.ranges()
 
     def _matrices_at(self, phases: slice = slice(None)) -> Array:
-        """M, C and K (3, n, n, P, k') at the selected phases."""
+        """M, C and K (3, n, n, P, k') at the k' selected phases."""
         if self._parent is not None and "_fields" not in self.__dict__:
             # Less data are copied if phases are selected before points.
             fields, positions = self._parent
@@ -125,8 +125,8 @@ class FrozenModes:
         return fields[: 3 * self.n**2].reshape(3, self.n, self.n, *fields.shape[1:])
 
     def _rates_at(self, phases: slice = slice(None)) -> Array:
-        """M, C and K at the selected phases, in the form that `_matrices_at` returns, with the rates of
-        first-order coordinates as unknowns."""
+        """M, C and K (3, n, n, P, k') at the selected phases. For first-order coordinates, the unknowns are
+        the rates instead of the coordinates; see `by_rates`."""
         return fields_by_rates(self._matrices_at(phases), self._first_order)
 
     @property
@@ -134,8 +134,8 @@ class FrozenModes:
         return self.n == 1 and not self._first_order
 
     def has_steady_inertia(self) -> Array:
-        """Mask (P,) of the points at which det M has the same sign at every phase, and its modulus always
-        exceeds the fraction `_STEADY` of its median."""
+        """Mask (P,) of the points at which det M, at every phase, has the same sign and a modulus above the
+        fraction `_STEADY` of the median modulus."""
         if self._is_oscillator and not self._tables.per_point:
             low, high = self._ranges
             steady = (low[0] > _STEADY * high[0]) | (high[0] < _STEADY * low[0])
@@ -144,8 +144,8 @@ class FrozenModes:
         return has_steady_determinant(self._rates_at()[0], _STEADY)
 
     def eigenvalues(self, phases: slice = slice(None)) -> Array:
-        """Eigenvalues λ (P, k, N) per radian of the phase, of the coefficients frozen at the selected
-        phases."""
+        """Eigenvalues λ (P, k, N), per radian of the phase, of the system with coefficients frozen at the
+        selected phases."""
         if self._is_oscillator:
             return quadratic_roots(*self._matrices_at(phases)[:, 0, 0])
         pencils, first_order = self._matrices_at(phases), self._first_order
@@ -159,7 +159,7 @@ class FrozenModes:
 
     @cached_property
     def few_eigenvalues(self) -> Array:
-        """Eigenvalues λ (P, k', N) per radian of the phase, at every 16th phase."""
+        """Eigenvalues λ (P, k', N) at every 16th phase, per radian of the phase."""
         return self.eigenvalues(_FEW)
 
     @property
@@ -173,7 +173,7 @@ class FrozenModes:
         return np.abs(self.eigenvalues()).max(axis=(1, 2)) * self.period
 
     def cancellation(self, rates: Array) -> Array:
-        """Measure (P,) of the cancellation between the terms of det A, where A = λ²M + λC + K at the rates λ
+        """Measure (P,) of the cancellation between the terms of det A, where A = λ²M + λC + K and λ = `rates`
         (P,): the maximum of Π |A_ii|/|det A| over every 16th phase.
 
         For a positive definite A scaled to the diagonal 1, relative changes of the entries are amplified by
@@ -191,9 +191,10 @@ class FrozenModes:
     def rates_and_decay(self) -> tuple[Array, Array]:
         """Return moduli (P, N) and decay factors (P, N).
 
-        The moduli of the eigenvalues, maximal over the phases, are in ascending order. The decay factor of a
-        mode is exp(σT) with the mean σ of its growth rate over the phases. It is divided by the factor of the
-        least damped mode, or by `UNDERFLOW` if that factor is below `UNDERFLOW`."""
+        The modulus of an eigenvalue is its maximum over every 16th phase; moduli are in ascending order. The
+        decay factor of a mode is exp(σT) with the mean σ of its growth rate over the same phases. Each factor
+        is divided by the factor of the least damped mode, or by `UNDERFLOW` if this is larger.
+        """
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -236,8 +237,8 @@ class FrozenModes:
 
     @property
     def _coupling(self) -> tuple[Array, Array]:
-        """Return mean accelerations of the coordinates: those due to the coordinates and their rates (P, n,
-        n), and those due to the load (P, n)."""
+        """Return mean moduli of the accelerations over the period. The first array (P, n, n) contains the
+        effect of each coordinate and its rate; the second array (P, n) contains the effect of the load."""
         n = self.n
         M, C, K, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
         M, C, K = by_rates(M, C, K, self._first_order)
@@ -248,8 +249,8 @@ class FrozenModes:
         """Estimate the displacements (P, n) that the forces on each coordinate cause against its own
         stiffness.
 
-        The forces are those of the other coordinates, which have amplitudes `sizes` (P, n), and the largest
-        load, in balanced units of the equations."""
+        The forces are exerted by the other coordinates, which have amplitudes `sizes` (P, n), and by the
+        largest load in balanced units of the equations."""
         coupling, load = self._coupling
         units = balance_matrices(coupling)[1]
         largest = units * (load / units).max(axis=1, keepdims=True)
@@ -284,8 +285,9 @@ class FrozenModes:
     def units(self, points: Array) -> Array:
         """Units (k, N) that make the states of the points with indices `points` (k,) comparable.
 
-        They are the square root of the mean inertia for rates, the square root of the mean stiffness for
-        coordinates (of the inertia if that is larger), and 1 for first-order coordinates."""
+        The unit of a rate is the square root of the mean inertia. The unit of a coordinate is the square root
+        of the mean stiffness or of the mean inertia, whichever is larger, and 1 for a first-order coordinate.
+        """
         matrices = self._matrices_at()[::2][..., points, :]
         diagonals = np.abs(np.einsum("aiipk->apik", matrices)).mean(axis=-1)
         inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
@@ -358,7 +360,7 @@ class FrozenModes:
 
     def _bounded_by_ranges(self, rate: Array | float) -> Array:
         """Return a mask (P,) of the points for which the ranges of the entries of an oscillator prove |C/M| +
-        |K/M|/rate ≤ rate. It is False for terms that differ between points."""
+        |K/M|/rate ≤ rate. The mask is False if the terms differ between points."""
         if self._tables.per_point:
             return np.zeros(len(self), dtype=bool)
         low, high = self._ranges

@@ -12,7 +12,8 @@ _MAX_CACHED = 4096
 """Number of steps up to which a grid and its phases are cached. Chosen by judgement."""
 
 _INSIDE = 1e-13
-"""Distance from a jump, as a fraction of the period, to which a stage at the jump is moved into its step."""
+"""Distance, as a fraction of the period, by which a stage at a jump is moved away from the jump, into its
+step."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Grid:
     nodes : (m+1,)
         Phases in ascending order, from 0 to the period.
     at_break : (m,)
-        Whether the matrices jump at each node except the last.
+        For each node except the last: whether the matrices jump there.
     """
 
     nodes: Array
@@ -34,9 +35,10 @@ class Grid:
     def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
         """Grid of about `steps` steps, with equal step lengths between neighbouring breaks.
 
-        If `steps` is doubled, or increased by a third where every piece between breaks has at least 6 steps,
-        every piece has more steps. Two grids with the same number of steps in a piece would agree there even
-        if neither resolved the motion. Raises ValueOutOfBoundsError above the memory limit."""
+        Every piece between breaks has more steps if `steps` is doubled. If every piece has at least 6 steps,
+        an increase of `steps` by a third suffices. Two grids with the same number of steps in a piece would
+        agree there even if neither resolved the motion. Raises ValueOutOfBoundsError above the memory limit.
+        """
         require_size("steps", steps)
         return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
 

@@ -16,8 +16,8 @@ UNIT_CIRCLE = 1e-9
 """Distance from 1 within which a modulus counts as 1, in addition to its error. Chosen by judgement."""
 
 KNOWN_ON_CIRCLE = 1e-6
-"""Largest distance of a modulus from 1, plus its error, for which a multiplier counts as on the unit circle.
-Chosen by judgement."""
+"""A multiplier counts as on the unit circle if the distance of its modulus from 1, plus its error, is at most
+this value. Chosen by judgement."""
 
 SURE = 2.0
 """Factor on the error estimate. A multiplier is outside the unit circle if its modulus exceeds 1 by more than
@@ -36,8 +36,8 @@ ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 
 class StateScales(Protocol):
-    """Protocol for what the verdict requires of points: drift and units of states, for points with indices
-    (k,). See `FrozenModes`."""
+    """Protocol of the points for which verdicts are determined. Its methods return, for points with indices
+    (k,), whether the points drift freely and the units of their states. See `FrozenModes`."""
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array: ...
 
@@ -125,13 +125,13 @@ class Multipliers:
 
     def difference(self, other: "Multipliers") -> Array:
         """`distance` (…) relative to the spectral radius of `other`, which contains the more accurate
-        multipliers. Infinite if only the spectral radius is 0."""
+        multipliers. Infinite if the spectral radius is 0 but the distance is not."""
         distance, scale = self.distance(other), other.spectral_radius
         without_scale = np.where(distance == 0, 0.0, np.inf)
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), without_scale)
 
     def with_digits(self, error: Array) -> "Multipliers":
-        """Replace multipliers that are not accurate to one digit by zero.
+        """Set multipliers that are not accurate to one digit to zero.
 
         error (…): error of the multipliers relative to the spectral radius; infinite if all multipliers are
         below `UNDERFLOW`."""
@@ -242,9 +242,9 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
     """Find points with multipliers near the unit circle that may coincide. Return their indices (k,) and
     masks (k, N, N) of the pairs.
 
-    A perturbation splits the double multiplier of a defective block by its square root, which `errors` (P,)
-    may not include. Multipliers count as distinct if their distance is more than a thousand times the error,
-    a factor chosen by judgement. e (P, N): error of each multiplier."""
+    A perturbation ε splits the double multiplier of a defective block by about √ε, which `errors` (P,) may
+    not include. Two multipliers may coincide if their distance exceeds neither the square root of the error
+    nor a thousand times the error. The factor is chosen by judgement. e (P, N): error of each multiplier."""
     is_near = np.abs(multipliers.moduli - 1) <= _TIMES_ESTIMATE * e + UNIT_CIRCLE
     rows, N = np.flatnonzero(across(np.add, is_near.astype(int)) > 1), is_near.shape[1]
     if not len(rows):
@@ -261,10 +261,12 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
 
 
 def _may_be_defective(Phi: Array, values: Array, pairs: Array, error: float) -> bool:
-    """Whether multipliers (N,), of which `pairs` (N, N) may coincide, may be defective.
+    """Whether any of the multipliers `values` (N,) may be defective. `pairs` (N, N): mask of the pairs that
+    may coincide.
 
-    They are not defective if Φ - ρ has as many zero singular values as there are multipliers that coincide
-    with ρ. Singular values count as zero within the errors of the multipliers and the distances between them.
+    A multiplier ρ is not defective if Φ - ρ has as many zero singular values as there are multipliers that
+    coincide with ρ. Singular values count as zero within the errors of the multipliers and the distances
+    between them.
     """
     for row in np.flatnonzero(pairs.any(axis=-1)):
         singular = np.linalg.svd(Phi - values[row] * np.eye(len(Phi)), compute_uv=False)

@@ -8,8 +8,8 @@ from solve.period.points import rate_of
 
 LOOPED = 9
 """Number of coordinates up to which elimination by loops over rows is as fast as LAPACK. The loops treat all
-points and phases in one operation. Measured for one point, elimination takes 1.6 times as long as LAPACK with
-27 coordinates and 3.4 times as long with 72. With a hundred coordinates, determinants also underflow."""
+points and phases in one operation. Measured for one point: elimination takes 1.6 times as long as LAPACK with
+27 coordinates, and 3.4 times as long with 72. With a hundred coordinates, determinants also underflow."""
 
 _ITERATIONS = 6
 """Number of power iterations for the vector v of a bound. Chosen by judgement: the bound is valid for any
@@ -71,8 +71,8 @@ def spectral_radius_within_one(B: Array) -> Array:
 
 
 def fields_by_rates(pencils: Array, first_order: int) -> Array:
-    """Arrange M, C and K (3, n, n, …) for the rates of first-order coordinates as unknowns; see
-    `by_rates`."""
+    """Return M, C and K (3, n, n, …) of equations in which the unknowns of first-order coordinates are their
+    rates; see `by_rates`."""
     if not first_order:
         return pencils
     if first_order == pencils.shape[1]:
@@ -82,7 +82,8 @@ def fields_by_rates(pencils: Array, first_order: int) -> Array:
 
 
 def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple[Array, Array]:
-    """Return M⁻¹C and M⁻¹K (n, n, P, k), with the rates of the last `first_order` coordinates as unknowns.
+    """Return M⁻¹C and M⁻¹K (n, n, P, k). For the last `first_order` coordinates, the unknowns of M, C and K
+    are the rates; see `by_rates`.
 
     For few coordinates they are computed by elimination without pivoting, which is accurate for inertia
     matrices."""
@@ -125,8 +126,8 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
 
 def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) -> Array:
     """Return the amplitude (…) of the least damped fast mode after one period, relative to its initial
-    amplitude and at most 1. A mode is fast if its phase advance per period exceeds `limit` (…); the fastest
-    mode always counts as fast.
+    amplitude. The returned value is at most 1. A mode is fast if its phase advance per period exceeds `limit`
+    (…); the fastest mode always counts as fast.
 
     eigenvalues (…, k, 2n): eigenvalues of the system frozen at k phases."""
     moduli = np.abs(eigenvalues)
@@ -136,8 +137,8 @@ def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) 
 
 
 def has_steady_determinant(M: Array, fraction: float) -> Array:
-    """Return a mask (P,) of the points at which the determinants of the matrices M (n, n, P, k) have the same
-    sign at all k phases, and their moduli exceed `fraction` times the median modulus."""
+    """Return a mask (P,) of the points at which, at all k phases, the determinants of the matrices M (n, n,
+    P, k) have the same sign and moduli above `fraction` times the median modulus."""
     n = len(M)
     if n > LOOPED:
         sign, logarithm = np.linalg.slogdet(np.moveaxis(M, (0, 1), (2, 3)))

@@ -17,10 +17,10 @@ BLOCKS = 32
 """Number of blocks at which multiplication ends and orthogonal factorisation begins. Chosen by judgement."""
 
 _LARGE, _BLOCKS_OF_LARGE = 2 * SMALL, 8
-"""Number of states above which fewer blocks are used, and their number. With 216 states, an elimination takes
-15 times as long as a product. If a solution grows by |ρ| over the period, 8 blocks lose log10|ρ|/8 digits.
-Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with 8 blocks, 1.1e-13 with 32 blocks, 3e-4 with one
-block."""
+"""Number of states above which fewer blocks are used, and the number of blocks in that case. With 216 states,
+an elimination takes 15 times as long as a product. If a solution grows by |ρ| over the period, 8 blocks lose
+log10|ρ|/8 digits. Measured errors for 216 states and |ρ| = 1e12: 2.6e-13 with 8 blocks, 1.1e-13 with 32
+blocks, 3e-4 with one block."""
 
 SINGULAR = 1e-14
 """Reciprocal condition number below which the cyclic system counts as singular. Chosen by judgement: 45 times
@@ -36,9 +36,10 @@ _ROUNDING = 8.0
 counts as zero. Chosen by judgement."""
 
 _RESTS = 512 * EPS
-"""Upper limit, for any condition number, of the ratio of a state to the sum of the moduli of its terms that
-counts as zero, divided by the growth of round-off over the steps. Measured on 540 orbits with absorbers that
-are detuned by 2e-12 or more: with 512, no error exceeds 10 times its estimate; with 5600, 3 errors do."""
+"""Upper limit, for any condition number, of the ratio of a state to the sum of the moduli of its terms below
+which the state counts as zero. The limit is multiplied by the growth of round-off over the steps. Measured on
+540 orbits with absorbers that are detuned by 2e-12 or more: with 512, no error exceeds 10 times its estimate;
+with 5600, 3 errors do."""
 
 REGULAR = 1e13
 """Upper limit of the condition number of a system that is regular in some units of the states. Chosen by
@@ -61,14 +62,14 @@ _SMALLEST = 2.0**-100
 class Steps:
     """Affine maps of the steps of one period, A (..., m, N, N) and b (..., m, N).
 
-    Leading axes are points. For `periodic_states`, b may also be (..., m, N, r), for r problems with the same
-    A."""
+    Leading axes belong to points. For `periodic_states`, b may also be (..., m, N, r), which represents r
+    problems with the same A."""
 
     A: Array
     b: Array
 
     def where(self, points: Array) -> "Steps":
-        """Set A and b to zero except at the selected points. `points` is a mask (P,)."""
+        """Return the maps with A and b set to zero except at the selected points. `points` is a mask (P,)."""
         if points.all():
             return self
         A, b = (np.where(points.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (self.A, self.b))
@@ -127,8 +128,7 @@ def _most_blocks(steps: Steps) -> int:
 
 
 def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
-    """Return states and condition number as `periodic_states` does, from the levels of products of the
-    steps."""
+    """Return the results of `periodic_states`, from the products of the steps in `levels`; see `_levels`."""
     steps, A, b = levels[0], levels[-1].A, levels[-1].b
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)
@@ -225,14 +225,16 @@ def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
 
 
 def rest_threshold(rounding: Array, growth: float) -> Array:
-    """Ratio (...) of a sum to its terms below which the sum counts as round-off. `rounding` (...) is the
-    relative round-off, of which `growth` is due to the number of steps; see `roundoff_growth`."""
+    """Ratio (...) of a sum to its terms below which the sum counts as round-off. rounding (...): relative
+    round-off of the sum. growth: factor in `rounding` that is due to the number of steps; see
+    `roundoff_growth`."""
     return np.minimum(_ROUNDING * rounding, _RESTS * growth)
 
 
 def _exceeds(size: Array, acting: Array, rest: Array) -> Array:
-    """Mask (..., N) of the moduli `size` (..., N) of states that exceed the threshold `rest` (...), relative
-    to the largest of the sums `acting` (..., N) of the moduli of their terms."""
+    """Return a mask (..., N) of the states whose modulus `size` (..., N) exceeds the threshold `rest` (...).
+    `acting` (..., N) contains the sums of the moduli of the terms of the states; the threshold is relative to
+    the largest of these sums."""
     return size > rest[..., None] * acting.max(axis=-1, keepdims=True)
 
 

@@ -182,8 +182,8 @@ class SinglePoint(Points):
 
 
 class SpeedPoints(Points):
-    """One system at speeds (P,) in rad/s. Its entries must be sums of terms that do not depend on the speed,
-    with coefficients that do."""
+    """One system at speeds (P,) in rad/s. Its entries must be sums of terms that do not depend on the speed.
+    The coefficients of the terms depend on the speed."""
 
     def __init__(self, system: PeriodicSystem, speeds: Array):
         super().__init__(system.n, system.period, system.breaks, len(system.states))

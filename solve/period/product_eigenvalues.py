@@ -126,8 +126,8 @@ def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) ->
     """Relative error of each eigenvalue due to errors of norm `size` (m,) of the triangular factors.
 
     The first-order term contains the left and right eigenvectors of the eigenvalue; the second-order term
-    also contains those of all other eigenvalues. Only the second-order term includes errors that grow along a
-    part of the chain."""
+    also contains the eigenvectors of all other eigenvalues. Only the second-order term includes errors that
+    grow along a part of the chain."""
     errors = np.empty(len(theta))
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         log_theta = np.maximum(np.log(np.abs(theta)), -1e4)
@@ -165,8 +165,8 @@ def _log_distance(apart: Array) -> Array:
 
 
 def _conjugate_pairs(logarithms: Array, errors: Array) -> Array:
-    """Make pairs of logarithms exactly conjugate, and logarithms real whose imaginary part is within the
-    error."""
+    """Make pairs of logarithms exactly conjugate. Make a logarithm exactly real if its imaginary part is
+    within the error."""
     paired = np.real(logarithms) + np.where(np.cos(np.imag(logarithms)) < 0, math.pi, 0.0) * 1j
     left = list(np.flatnonzero(np.isfinite(logarithms)))
     while left:

@@ -102,8 +102,8 @@ class Quantities:
         return bool(np.ptp(np.diff(self.curve.nodes)) <= 1e-12 * self.period)
 
     def amplitudes(self, quantities: list[int], count: int) -> Array:
-        """Return the signed mean and the single-sided amplitudes of `count` harmonics, (P, k, count + 1), of
-        k selected quantities."""
+        """For each of k selected quantities, return the signed mean, followed by the single-sided amplitudes
+        of `count` harmonics. The result is an array (P, k, count + 1)."""
         steps, enough = len(self.curve.nodes) - 1, enough_samples(self.values.shape[-1], count)
         values = self.values if enough == self.values.shape[-1] else self.sampled(-(-enough // steps))
         return spectrum(values[:, quantities], count)[0]
@@ -118,8 +118,8 @@ class Quantities:
 
 
 _REPEATS, _SAMPLES = 1e-6, 512
-"""Relative tolerance, and number of phases, for comparing the periods of an orbit over several periods. If
-all periods agree, the orbit has the period of the system. Chosen by judgement."""
+"""Relative tolerance and number of phases for a comparison of the periods of one orbit. If all periods agree,
+the orbit has the period of the system. Chosen by judgement."""
 
 _A_STEP = 4
 """Number of phases per step at which outputs of two curves are compared."""
@@ -162,8 +162,7 @@ def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, e
 
 
 def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Statistics (n + o, 7) of the coordinates, followed by those of the outputs, in the order of
-    `Statistics`."""
+    """Statistics (n + o, 7) of the coordinates and then of the outputs, in the order of `Statistics`."""
     of_coordinates = coordinate_figures(curve, engine)
     if not system.outputs:
         return of_coordinates
@@ -171,8 +170,8 @@ def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, en
 
 
 def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curve, engine: str) -> Array:
-    """Largest difference (o,) of each output between the curves `one` and `other` with the same nodes,
-    relative to the largest modulus of the output for `other`."""
+    """For each output, the largest difference (o,) between the curves `one` and `other`, which have the same
+    nodes. It is relative to the largest modulus of the output for `other`."""
     if not system.outputs:
         return np.zeros(0)
     phase = (other.nodes[:-1, None] + other.h[:, None] * (np.arange(_A_STEP) / _A_STEP)).ravel()
@@ -195,7 +194,7 @@ def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve
 
 
 def repeats_early(curve: PeriodicCurve, periods: int) -> bool:
-    """Whether a curve over several periods already repeats after the first one."""
+    """Whether a curve over several periods already repeats after the first period."""
     last = float(curve.nodes[-1])
     phase = uniform_phases(_SAMPLES, last)
     q, later = curve(phase), curve(phase + last / periods)

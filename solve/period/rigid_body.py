@@ -44,8 +44,8 @@ class RigidBodyModes:
     vectors (P, n, r): modes e, with component 1 at the reference coordinate; columns are zero if a point has
     fewer than r modes. references (P, r): indices of the reference coordinates. damped (P, r): whether C e ≠
     0; undamped modes come first. errors (P, r): largest |K e| over the period, relative to Σ|K_ij e_j|.
-    momentum (P, 2n): row ψ of the momentum ψ(q, q′) at phase 0, if it is conserved although C e ≠ 0, for
-    example if C is the rate of a varying M; zero without such a momentum."""
+    momentum (P, 2n): row ψ for which ψ(q, q′) is a momentum at phase 0 that is conserved although C e ≠ 0,
+    for example because C is the rate of a varying M; zero without such a momentum."""
 
     vectors: Array
     references: Array
@@ -290,8 +290,8 @@ def _of_point(K: Array, C: Array, noise: Array, damping_noise: Array) -> RigidBo
 
 
 def _null_space(K: Array, size: Array, noise: Array) -> Array:
-    """Common null space (n, r) of k matrices K (k, n, n), computed independently of units. `size` and `noise`
-    (n, n) are the largest moduli of the entries and their round-off errors."""
+    """Common null space (n, r) of k matrices K (k, n, n), computed independently of units. `size` (n, n):
+    largest moduli of the entries. `noise` (n, n): round-off errors of the entries."""
     columns, rows = np.ones(len(size)), np.ones(len(size))
     for _ in range(_PASSES):
         columns /= _largest(size * rows[:, None] * columns, 0)
@@ -338,8 +338,8 @@ def _independent(vectors: Array, count: int) -> Array:
 
 
 def _reduced(vectors: Array) -> tuple[Array, Array]:
-    """Reduce `vectors` (n, r) by complete pivoting. Return a basis (n, r) of the column space that contains
-    the identity in r rows, and the indices (r,) of these rows."""
+    """Reduce `vectors` (n, r) by complete pivoting. Return a basis (n, r) of the column space, in which r
+    rows are the identity, and the indices (r,) of these rows."""
     basis, rows = vectors.copy(), np.zeros(vectors.shape[1], dtype=int)
     for column in range(basis.shape[1]):
         sizes = np.abs(basis[:, column:])

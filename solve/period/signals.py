@@ -19,8 +19,8 @@ FIGURES = Statistics._fields
 LEAST_SAMPLES = 2048
 _SAMPLES_PER_STEP = 4
 ZOOMS, ROUGH = 6, 3
-"""Numbers of refinements of an extremum and of another candidate. Each refinement reduces the interval to a
-sixteenth. Chosen by judgement."""
+"""Numbers of refinements of an extremum, and of a sample that may be near a larger one. Each refinement
+reduces the interval to a sixteenth. Chosen by judgement."""
 
 ZOOM = np.linspace(-1.0, 1.0, 33)
 
@@ -71,13 +71,13 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
 
 
 def _known(values: Array) -> Array:
-    """Return values (…, k), of which all k are replaced by NaN if one of them is not finite."""
+    """Return `values` (…, k). If one of the k values is not finite, all k are replaced by NaN."""
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
 def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list[tuple[Array, Array]]:
-    """Return the phase (…) and the value of the maximum, then those of the minimum. The value of the minimum
-    has the opposite sign.
+    """Return the phase (…) and the value of the maximum, and the phase and the value of the minimum. The
+    value of the minimum has the opposite sign.
 
     Each extremum is sought near the largest sample (the first if several are equal), and near lower samples
     if the curve may be higher there."""
@@ -109,9 +109,10 @@ def _above(
 ) -> tuple[Array, Array]:
     """Return the phase (…) and the value of the highest maximum.
 
-    `centre` and `highest` are the maximum found so far. It is replaced if the curve is higher near other
-    samples; these are searched if their upper bound `reach` (…, k) exceeds it. side: the sign, and the
-    largest moduli (…)."""
+    `centre` and `highest` are the phase and the value of the maximum found so far. Samples whose upper bound
+    `reach` (…, k) exceeds `highest` are examined; a higher maximum near one of them replaces the maximum
+    found so far. side: the sign by which the curve is multiplied, and the largest moduli (…) of the samples.
+    """
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
     if not rivals:
@@ -129,8 +130,8 @@ def _above(
 def _reach(values: Array) -> Array:
     """Upper bounds on the curve near samples (…, k) that are local maxima; -inf for other samples.
 
-    The parabola through the sample and its neighbours has a maximum above the sample; the bound exceeds the
-    sample by twice as much."""
+    The bound is twice as far above the sample as the maximum of the parabola through the sample and its
+    neighbours."""
     before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
     peak, bend = (values >= before) & (values >= after), 2 * values - before - after
     above = np.square(before - after) / (4 * np.where(bend > 0, bend, np.inf))
