@@ -45,8 +45,8 @@ _MAX_REPEAT_SECONDS = 0.1
 started. Chosen by judgement."""
 
 _BEYOND = 1e-3
-"""Rows with doubled steps are added until the error is this fraction of the smallest target, so that a figure
-shows the trend. Chosen by judgement."""
+"""Rows with doubled steps are added until the error falls to this fraction of the smallest target. A figure
+then shows the trend. Chosen by judgement."""
 
 
 @of_system
@@ -122,7 +122,7 @@ def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
 
 
 def label(method: Method) -> str:
-    """Return the name of a method, with those of its settings that differ from the defaults."""
+    """Return the name of a method, followed by the settings that differ from the defaults."""
     defaults = type(method)().settings
     changed = [f" {name} {value}" for name, value in method.settings.items() if value != defaults[name]]
     return method.name + "".join(changed)
@@ -232,8 +232,8 @@ class _AgainstReference:
         return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
 
     def _unnamed(self, refusal: str) -> str:
-        """Return the message of an exception without the name of the method, which the row contains
-        already."""
+        """Return the message of an exception without the name of the method, because the row already contains
+        the name."""
         return refusal.removeprefix(f"{self.method.name}: ").removeprefix(f"{self.method.name} ")
 
     @property

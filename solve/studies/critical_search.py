@@ -53,8 +53,8 @@ def radius(results: PointResults) -> Array:
 
 
 def real_part(results: PointResults) -> Array:
-    """Largest real part (P,) among the dominant multipliers: those whose modulus is the largest, within the
-    errors."""
+    """Largest real part (P,) among the dominant multipliers. A multiplier is dominant if, within its error,
+    its modulus is the largest."""
     largest = np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).max(axis=1)
     return np.where(results.failed, np.nan, largest)
 
@@ -69,14 +69,13 @@ def _is_dominant(results: PointResults) -> Array:
 
 
 def _leading(results: PointResults) -> Array:
-    """For each point, the index (P,) of the dominant multiplier; of several with equal modulus, the one with
-    the largest real part."""
+    """For each point, the index (P,) of the dominant multiplier. If several multipliers are dominant, it is
+    the index of the multiplier with the largest real part."""
     return np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).argmax(axis=1)
 
 
 def _coalescence(results: PointResults) -> Array:
-    """Coalescence distance (P,) of the dominant multiplier with the largest real part; NaN at failed
-    points."""
+    """Distance (P,) from coalescence for the multiplier that `_leading` selects; NaN at failed points."""
     distance = coalescence_distance(results.multipliers, _leading(results))
     return np.where(results.failed, np.nan, distance)
 
@@ -88,7 +87,8 @@ class CriticalSearch:
 
     `batch` solves for orbits, and `multipliers` for multipliers only. `figure` is the statistic of the
     response. `orders` is the highest order of divisions. `rotation` returns the rotation of the multipliers
-    with speed. `constant` evaluates constant matrices, and `sweep` contains solutions that are already known.
+    as the speed varies. `constant` evaluates the stability of a system with constant matrices. `sweep`
+    contains solutions that are already known.
     """
 
     batch: Batch
@@ -159,9 +159,9 @@ class CriticalSearch:
     def add_crossings(
         self, speeds: Array, results: PointResults, others: Array
     ) -> tuple[Array, PointResults]:
-        """Solve at further speeds, and return `speeds` and `results` with these inserted. The further speeds
-        are `others` (k,), and speeds where a multiplier passes through +1 on the real axis, with their
-        neighbours. There the response may have an unbounded maximum of any width."""
+        """Solve at further speeds, and return `speeds` and `results` with the new ones inserted. The further
+        speeds are `others` (k,), and speeds on both sides of each passage of a multiplier through +1 along
+        the real axis. At such a passage, the response may have an unbounded maximum of any width."""
         speeds, results = self._insert(speeds, results, others)
         evaluate_all = self.constant.evaluate if self.constant else evaluator(self.multipliers)
 
@@ -191,8 +191,8 @@ class CriticalSearch:
         return union, merged
 
     def label_response_maxima(self, brackets: Brackets) -> list[Label]:
-        """Return the maxima of the response, each labelled with the orders whose power is higher at the
-        maximum than on both sides.
+        """Return the maxima of the response. Each is labelled with the orders whose power is higher at the
+        maximum than on both sides of it.
 
         Maxima inside an unstable range, where no steady vibration is reached, are omitted; maxima at its
         edges are kept.

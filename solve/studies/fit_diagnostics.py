@@ -24,7 +24,7 @@ _POOR_FIT = 0.5
 """Relative residual above which the model counts as not describing the data. Chosen by judgement."""
 
 _SENSOR_ERROR = 0.05
-"""Relative residual above which a fit to fewer values than two lags require counts as poor: accelerometers
+"""Relative residual above which a fit counts as poor if it has too few values for two lags. Accelerometers
 and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT_RATIO = 100.0
@@ -80,8 +80,9 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
 
 def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
     """Return, for the measurements of one quantity, their positions (k,) as complex numbers, the measured
-    values, and the computed minus the measured values. They are sorted so that neighbours have the same speed
-    and successive phases, or the same order or mode and successive speeds."""
+    values, and the computed minus the measured values. After sorting, neighbours have the same speed and
+    successive phases. For amplitudes and natural frequencies, neighbours have successive speeds and the same
+    order or mode."""
     by_phase = channels[0].by_phase
     at = np.concatenate([np.mod(channel.at, period) if by_phase else channel.at for channel in channels])
     counts = [len(channel.at) for channel in channels]

@@ -131,8 +131,8 @@ class Problem:
         return self._last[1], self._last[2]
 
     def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
-        """Name, computed values (k,) and derivatives (r, k) with respect to the free parameters, for every
-        channel of `data`."""
+        """For every channel of `data`: the name, the computed values (k,), and the derivatives (r, k) of
+        these values with respect to the free parameters."""
         if data.position is not None:
             return [(FREQUENCY, *_natural_frequencies(model, data, self.names))]
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
@@ -212,8 +212,8 @@ def _modes(data: Measured) -> Array:
 
 
 def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str]) -> Array:
-    """Return the derivatives (r, n) of the eigenvalues λ of K v = λ M v, in the order of the modes of
-    `model`, from the derivatives of M and K."""
+    """Return the derivatives (r, n) of the eigenvalues λ of K v = λ M v, computed from the derivatives of M
+    and K. The eigenvalues are in the order of the modes of `model`."""
 
     def matrices(varied: Model) -> Array:
         M, _, K, _ = at_speed_zero(varied, position)
@@ -225,7 +225,7 @@ def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str])
 
 
 def _slope(values: Callable[[Model], Array], model: Model, name: str) -> Array:
-    """Return the derivative, with respect to one parameter, of the array that `values` returns for a
-    model."""
+    """Return the derivative of an array with respect to the parameter `name`. The function `values` returns
+    the array for a model."""
     at = model.parameters[name]
     return slope(lambda number: values(model.varied({name: number})), at, _STEP * (abs(at) or 1.0))

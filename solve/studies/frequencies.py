@@ -148,7 +148,8 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
 
 
 def require_position(system: PeriodicSystem, given: object, flag: str = "position") -> None:
-    """Raise NoMotionError if a value of `flag`, by default the position, is given for a structure at rest."""
+    """Raise NoMotionError if `given` is not None for a structure at rest. It is the value of `flag`, by
+    default the position."""
     if given is not None and not system.labels.moves:
         raise NoMotionError(f"{system.labels.name} is a structure at rest; omit {flag}")
 

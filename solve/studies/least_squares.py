@@ -43,7 +43,7 @@ _MOVED = 1e-8
 """Relative change below which a parameter counts as unchanged: SciPy's xtol."""
 
 _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
-"""Exceptions caused by values of the parameters that their messages do not state."""
+"""Exceptions that parameter values cause, but whose messages do not contain these values."""
 
 
 class LeastSquares(Protocol):
@@ -159,7 +159,7 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool
 
 
 def _offset(found: Any) -> float:
-    """Return the relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts,
+    """Return the relative offset for the parameters that are not at a bound (D. M. Bates, D. G. Watts,
     Technometrics 23 (1981) 179-183): the ratio of the residuals' component in the tangent plane to their
     normal component, each divided by the square root of its number of degrees of freedom."""
     free = found.active_mask == 0

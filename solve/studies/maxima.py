@@ -35,15 +35,15 @@ relative to the height. The second number is the relative tolerance of the refin
 judgement."""
 
 Value = Callable[[Array, Array], tuple[Array, Array]]
-"""Type of functions of speeds (m,) and the indices (m,) of their brackets. They return heights (m,), NaN
-without a result, and guides (m,), NaN if there are none. Guides are values of a smooth function whose maxima
-may coincide with narrow maxima of the heights."""
+"""Type of functions of speeds (m,) and the indices (m,) of their brackets. Such a function returns heights
+(m,), which are NaN without a result, and guides (m,), which are NaN if there are no guides. Guides are values
+of a smooth function whose maxima may coincide with narrow maxima of the heights."""
 
 
 @dataclass(frozen=True)
 class Brackets:
-    """Brackets of maxima: ascending speeds `x` (k, 3) and heights `y` (k, 3), the middle one of which is the
-    highest."""
+    """Brackets of maxima: ascending speeds `x` (k, 3) and heights `y` (k, 3). In each bracket, the middle
+    height is the largest."""
 
     x: Array
     y: Array
@@ -70,8 +70,8 @@ class Brackets:
 
 
 class Trials:
-    """Solver at speeds within brackets. All solutions in a bracket use one grid, the finest of those at its
-    ends and middle.
+    """Solver at speeds within brackets. All solutions in a bracket use one grid: the finest grid among the
+    solutions at its three original speeds.
 
     Errors are not estimated again by a second grid: they are set to the largest errors at the ends and the
     middle. `results` are the solutions at the original speeds; `brackets` (k, 3) are the indices of the
@@ -166,8 +166,8 @@ def _find_minimum(
     values: "_CachedValues", x: Array, lanes: tuple[Array, Array], tolerances: dict[str, float]
 ) -> Brackets:
     """Narrow brackets by Chandrupatla's method until one of the tolerances is met. Each iteration solves one
-    speed in every bracket `x` (k, 3), in one batch. `lanes` are the indices (k,) of the brackets in `values`,
-    and the numbers (k,) 0 for heights or 1 for guides."""
+    speed in every bracket `x` (k, 3), in one batch. `lanes` contains two arrays: the indices (k,) of the
+    brackets for `values`, and the numbers (k,), which are 0 for heights and 1 for guides."""
     from scipy.optimize.elementwise import find_minimum
 
     all_tolerances = {"xatol": 0.0, "fatol": 0.0, **tolerances}
@@ -211,8 +211,9 @@ class _CachedValues:
 
     def subdivide(self, x: Array) -> tuple[Array, Array]:
         """Return narrower brackets (k, 3) within the brackets `x` (k, 3), first for heights and then for
-        guides. They are the speed with the highest value, among speeds that divide both sides of the bracket
-        evenly, and its two neighbours. They are NaN where a guide is largest at an end of the bracket."""
+        guides. Both sides of each bracket are divided evenly by additional speeds. A narrower bracket
+        consists of the speed with the highest value and its two neighbours. It is NaN if the highest value of
+        the guide is at an end of the bracket."""
         low, best, high = x.T
         sides = [np.linspace(*ends, _SUBDIVISION + 1, axis=1) for ends in ((low, best), (best, high))]
         speeds = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)

@@ -1,5 +1,6 @@
 """Cycle means of the frozen natural frequencies as functions of the speed, and the speeds of combination
-resonances: there, sums or differences of the means are integer multiples of the speed."""
+resonances. At a combination resonance, the sum or difference of two means is an integer multiple of the
+speed."""
 
 import itertools
 import math
@@ -46,9 +47,9 @@ judgement."""
 
 @dataclass(frozen=True)
 class MeanFrequencies:
-    """Cycle means, in rad/s and in ascending order, of the undamped natural frequencies of M and K frozen at
-    phases of the period, at speeds (P,); see `mean_modes`. They are NaN at speeds without matrices. Copies at
-    other speeds, `replace(frequencies, speeds=…)`, share a cache."""
+    """Cycle means of undamped natural frequencies at speeds (P,), in rad/s and in ascending order; see
+    `mean_modes`. The natural frequencies are those of M and K frozen at phases of the period. Means are NaN
+    at speeds without matrices. Copies at other speeds, `replace(frequencies, speeds=…)`, share a cache."""
 
     system: PeriodicSystem
     speeds: Array
@@ -112,8 +113,8 @@ class MeanFrequencies:
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
     """Return the combination resonances (ω̄i ± ω̄j)/k within the range of the speeds, in descending order of
-    speed, for those orders k up to `orders` that the period of the matrices permits. Integer divisions of a
-    single frequency are excluded."""
+    speed. The orders k are those up to `orders` that the period of the matrices permits. Integer divisions of
+    a single frequency are excluded."""
     listed = [
         Combination(speed, (high + 1, low + 1), sign, order)
         for low, high, sign, weights in _sums_of_two(frequencies.rigid, frequencies.values.shape[1])

@@ -73,7 +73,8 @@ def _factor(B: Array, R: Array) -> Array:
 
 
 def _inverse(R: Array) -> Array:
-    """Return the inverses of matrices (k, r, r); a single one (1, r, r) if all matrices are equal."""
+    """Return the inverses of matrices (k, r, r). If all matrices are equal, a single inverse (1, r, r) is
+    returned."""
     return np.linalg.inv(R[:1] if R.strides[0] == 0 else R)
 
 
@@ -164,7 +165,7 @@ def _solved(
 
 
 def mirrored_breaks(system: PeriodicSystem) -> tuple[float, ...]:
-    """Return the breaks of a system for reversed phase."""
+    """Return the phases of the breaks of a system whose phase is reversed."""
     return tuple((system.period - each) % system.period for each in system.breaks)
 
 

@@ -21,8 +21,8 @@ FROZEN_PHASES = 48
 """Number of phases at which frozen modes are computed. Chosen by judgement."""
 
 FIRST_RTOL = 1e-8
-"""Tolerance to which the stated phase advances per step of the first grid refer. They are proportional to the
-tolerance to the power 1/order of the method."""
+"""Tolerance for which the phase advances per step of the first grid are stated. They are proportional to the
+tolerance raised to the power 1/order, where the order is that of the method."""
 
 _MOST_DOUBLINGS = 60
 """Maximum number of doublings of the period. If they do not converge, no solution exists: with closed-loop
@@ -130,8 +130,7 @@ def symmetric(A: Array) -> Array:
 
 
 def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 1.0) -> tuple[Maps, Stages]:
-    """Return the maps of the steps, by the Gauss method of the given order, and their stages, for G = sign E
-    Eᵀ.
+    """Return the maps and the stages of the steps by the Gauss method of the given order, for G = sign E Eᵀ.
 
     Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, if the
     inputs w at the stages make the sum of xᵀQx + sign wᵀw over the stages stationary (W. W. Hager, Numer.

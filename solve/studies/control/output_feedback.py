@@ -161,8 +161,8 @@ class OutputFeedback(FeedbackLoop):
         super().require_bounds({name: value for name, value in parameters.items() if name not in self.gains})
 
     def bounds_of_gains(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
-        """Bounds of gains. Those of u_by_q1 are extended to all gains from q1 to u for which no bounds are
-        given."""
+        """Bounds of gains. The bounds of u_by_q1 also apply to the other gains from q1 to u that have no
+        bounds in `bounds`."""
         of_families = {
             name: bounds[gain.base] for name, gain in self.gain_terms.items() if gain.base in bounds
         }

@@ -106,8 +106,8 @@ def state_equations(matrices: Matrices, inputs: Array, first_order: int) -> tupl
 
 
 def _by_rates(highest: Array, first_order: int) -> Array:
-    """Return rows (k, N, c) of the equations for ẋ, from the rows (k, n, c) of the highest derivatives. Rows
-    of coordinates with second derivatives are zero."""
+    """Return the rows (k, N, c) of the equations for ẋ, from the rows (k, n, c) of the equations for the
+    highest derivatives. The rows for the velocities of second-order coordinates are zero."""
     k, n, c = highest.shape
     p = n - first_order
     rows = np.zeros((k, n + p, c))

@@ -64,9 +64,8 @@ For a hundred random systems with 2 to 20 states, the true error is 0.32 to 1.20
 this factor."""
 
 _STENCIL = 6
-"""Number of nodes whose values and slopes are interpolated by the curve of a step, a polynomial of degree 11
-and order 12.
-Chosen by judgement."""
+"""Number of nodes whose values and slopes are interpolated on each step. The interpolant is a polynomial of
+degree 11 and order 12. Chosen by judgement."""
 
 _POINTS = 9
 """Number of points per step for curves of the gain. Their error is proportional to the ninth power of the
@@ -204,8 +203,8 @@ class Riccati:
 
 
 class Solved(NamedTuple):
-    """Curve of the upper triangle of X, its error relative to √(X_ii X_jj), the residual of the Riccati
-    equation relative to its largest term, and the grid."""
+    """Curve of the upper triangle of X, the error of X_ij relative to √(X_ii X_jj), the residual of the
+    Riccati equation relative to the largest term of the equation, and the grid."""
 
     curve: Curve
     error: float

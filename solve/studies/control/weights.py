@@ -20,16 +20,17 @@ _PHASES = 37
 phases do not coincide with symmetries."""
 
 _JUMP = 1e-3
-"""Change in the last of repeatedly halved intervals, relative to the largest entry, above which it counts as
-a jump: a continuous function would need slopes of 1e9 times its size per radian. Chosen by judgement."""
+"""An interval is halved repeatedly. If a matrix changes by more than this fraction of its largest entry
+within the last interval, the change counts as a jump: a continuous function would need a slope of 1e9 times
+its size per radian. Chosen by judgement."""
 
 _INSIDE = 1e-9
 """Distance from the jumps of the system, relative to the period, within which jumps of weights are allowed.
 Chosen by judgement."""
 
 _BESIDE = 4 * EPS
-"""Functions are evaluated at this distance, relative to the period, from its ends instead of at the ends,
-because they may jump there. It is a few units of round-off."""
+"""Distance, relative to the period, from the ends of the period at which functions are evaluated instead of
+at the ends, where they may jump. It is a few units of round-off."""
 
 _NEGATIVE = 1e-10
 """Modulus of a negative eigenvalue, relative to the largest entry, up to which it counts as round-off. Chosen
@@ -66,8 +67,9 @@ def matrix_function(
 
 
 def _require_continuous(name: str, function: Callable[[Array], Array], system: PeriodicSystem) -> None:
-    """Raise ValueOutOfBoundsError if the function jumps where the system does not: in the interval of its
-    largest change between two jumps of the system, or at the end of the period of a system without jumps."""
+    """Raise ValueOutOfBoundsError if the function jumps where the system does not. Between two jumps of the
+    system, the interval in which the function changes most is tested. If the system has no jumps, the end of
+    the period is tested too."""
     period, inside = system.period, _INSIDE * system.period
 
     def refused(phase: float) -> ValueOutOfBoundsError:
