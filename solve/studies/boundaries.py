@@ -90,7 +90,7 @@ class Brackets(NamedTuple):
 
     @property
     def kinds(self) -> Array:
-        """Indices in KINDS (E,) of the kind of instability in each bracket: a multiplier passes through +1 or
+        """Indices (E,) in KINDS of the kind of instability in each bracket: a multiplier passes through +1 or
         -1, or (_COMPLEX) a complex multiplier leaves the unit circle."""
         passes = (self.low.distances[:, :2] > 0) & (self.high.distances[:, :2] < 0)
         return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)

@@ -100,8 +100,8 @@ class _CellCrossings:
 
 
 def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
-    """Return, for each position (c,), the index of the interval of `nodes` that contains it, and its rank in
-    ascending order."""
+    """For each position in `place` (c,), return the index of the interval of `nodes` that contains the
+    position, and the rank of the position in ascending order."""
     cell = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, len(nodes) - 2)
     rank = np.empty(len(place), dtype=int)
     rank[np.argsort(place, kind="stable")] = np.arange(len(place))

@@ -33,7 +33,7 @@ from solve.system import PeriodicSystem, multiplier_count
 _ASIDE = 0.25
 """Distance from a maximum to the speeds at which the response is computed for comparison, as a fraction of
 the distance between neighbouring divisions. Chosen by judgement: these speeds must lie outside the peak of
-this maximum, and closer than the next maximum."""
+this maximum, and before the next maximum."""
 
 _BESIDE = 4.0
 """Distance from a maximum to the speeds, on either side, at which results are computed for comparison, as a
@@ -41,8 +41,8 @@ multiple of the tolerance of its speed. Chosen by judgement, larger than the err
 
 
 _SHARE = 0.1
-"""Smallest rise of a harmonic's power at a maximum, relative to the largest rise of any harmonic, with which
-the harmonic counts as a cause of the maximum. Chosen by judgement."""
+"""A harmonic counts as a cause of a maximum if its power rises there by at least this fraction of the largest
+rise of any harmonic. Chosen by judgement."""
 
 
 def radius(results: PointResults) -> Array:
@@ -219,8 +219,8 @@ class CriticalSearch:
         ]
 
     def _with_heights(self, brackets: Brackets, unbounded: Array) -> list[Maximum]:
-        """Return the maxima, however narrow, with certified heights. Heights are infinite where `unbounded`
-        (k,) is True."""
+        """Return the maxima with certified heights. Maxima narrower than the tolerance of the speed are
+        included. Heights are infinite where `unbounded` (k,) is True."""
 
         def values_at(speeds: Array, _: Array) -> tuple[Array, Array]:
             return self.response(self.solve(speeds)), np.full(len(speeds), np.nan)

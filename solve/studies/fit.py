@@ -29,8 +29,8 @@ _UNIDENTIFIABLE = 0.5
 judgement."""
 
 _SHARE = 0.1
-"""Smallest component of a parameter in an unidentifiable combination, relative to the largest component, with
-which the parameter is listed. Chosen by judgement."""
+"""A parameter is listed in an unidentifiable combination if its component is at least this fraction of the
+largest component. Chosen by judgement."""
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 """Type of mappings from names of parameters to lower and upper bounds: numbers in the unit of the parameter,

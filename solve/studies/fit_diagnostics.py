@@ -80,9 +80,8 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
 
 def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
     """Return, for the measurements of one quantity, their positions (k,) as complex numbers, the measured
-    values, and the computed minus the measured values. After sorting, neighbours have the same speed and
-    successive phases. For amplitudes and natural frequencies, neighbours have successive speeds and the same
-    order or mode."""
+    values, and the computed minus the measured values. Curves are sorted by speed, and then by phase;
+    amplitudes by order, and then by speed; natural frequencies by mode, and then by position."""
     by_phase = channels[0].by_phase
     at = np.concatenate([np.mod(channel.at, period) if by_phase else channel.at for channel in channels])
     counts = [len(channel.at) for channel in channels]
@@ -96,9 +95,9 @@ def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, A
 
 
 def _autocorrelation(residuals: Array, lag: int) -> tuple[float, float]:
-    """Return the autocorrelation at a lag, normalised in two ways. The first value is the modulus of the sum
-    of the products of residuals, divided by the standard deviation of the sum, which is estimated from the
-    products. The second value is this sum divided by the sum of the squares of the residuals."""
+    """Return the autocorrelation at a lag, which is the sum of the products of residuals, normalised in two
+    ways. The first value is the modulus of the sum, divided by its standard deviation as estimated from the
+    products. The second value is the sum itself, divided by the sum of the squares of the residuals."""
     products = np.real(residuals[lag:] * np.conj(residuals[:-lag]))
     deviation = float(np.sqrt(np.sum(products**2)))
     size = float(np.sum(np.abs(residuals) ** 2))

@@ -126,11 +126,13 @@ def find_peaks(values: Array) -> tuple[Array, Array]:
 
 
 def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, tolerance: float) -> Brackets:
-    """Return a bracket of the highest maximum in each bracket, narrowed to a tolerance relative to its speed.
-    `guides` (k, 3) are the guides at the speeds of the brackets; see `Value`.
+    """For each bracket, return a narrower bracket around the highest maximum in it. The widths of the new
+    brackets meet a tolerance relative to the speed. `guides` (k, 3) are the guides at the speeds of the
+    brackets; see `Value`.
 
-    The maximum of the heights and the maximum of the guides are each refined, from the highest of equidistant
-    speeds in the bracket. The result surrounds the highest of all solved speeds.
+    The maximum of the heights and the maximum of the guides are refined separately. Each search starts from
+    the highest value at evenly spaced speeds in the bracket. The returned bracket surrounds the speed with
+    the greatest height among all solved speeds.
     """
     if len(brackets) == 0:
         return brackets
@@ -212,8 +214,8 @@ class _CachedValues:
     def subdivide(self, x: Array) -> tuple[Array, Array]:
         """Return narrower brackets (k, 3) within the brackets `x` (k, 3), first for heights and then for
         guides. Both sides of each bracket are divided evenly by additional speeds. A narrower bracket
-        consists of the speed with the highest value and its two neighbours. It is NaN if the highest value of
-        the guide is at an end of the bracket."""
+        consists of the speed with the highest value and the two neighbouring speeds. A bracket for guides is
+        NaN if the guide is largest at an end."""
         low, best, high = x.T
         sides = [np.linspace(*ends, _SUBDIVISION + 1, axis=1) for ends in ((low, best), (best, high))]
         speeds = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)
@@ -223,7 +225,7 @@ class _CachedValues:
 
     def _around_highest_of(self, x: Array, column: int) -> Array:
         """Brackets (k, 3) around the speed with the highest value among ascending speeds `x` (k, m). `column`
-        is 0 for heights and 1 for guides; brackets of guides are NaN where an end has the highest value."""
+        is 0 for heights and 1 for guides. A bracket for guides is NaN if the guide is largest at an end."""
         y = np.array([[self._cache[n][speed][column] for speed in row] for n, row in enumerate(x.tolist())])
         top = y[:, 1:-1].argmax(axis=1)[:, None] + 1
         three = np.take_along_axis(x, top + np.array([-1, 0, 1]), axis=1)

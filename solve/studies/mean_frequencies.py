@@ -1,4 +1,4 @@
-"""Cycle means of the frozen natural frequencies as functions of the speed, and the speeds of combination
+"""Cycle means of the frozen natural frequencies, as functions of the speed, and the speeds of combination
 resonances. At a combination resonance, the sum or difference of two means is an integer multiple of the
 speed."""
 
@@ -25,7 +25,7 @@ between two speeds of the grid, so that four iterations suffice; only jumps of t
 
 _JUMP = 1e-2
 """Relative difference between a mean frequency and a multiple of the speed, after the iteration, above which
-the mean jumps over the multiple instead of crossing it. Chosen by judgement."""
+the mean is assumed to jump over the multiple instead of crossing it. Chosen by judgement."""
 
 CLOSE = 0.05
 """Relative difference between a frequency and an integer multiple of the speed up to which they may belong to
@@ -94,8 +94,9 @@ class MeanFrequencies:
         return replace(self, speeds=np.array([speed])).values[0]
 
     def shift_notes(self) -> list[str]:
-        """List with a note on the speeds at which C changes a mean frequency by more than the fraction
-        `CLOSE`. It is empty if there are no such speeds. Speeds with imaginary frequencies are excluded."""
+        """Notes on speeds at which C changes a mean frequency by more than the fraction `CLOSE`: a list with
+        one note, or an empty list if there are no such speeds. Speeds with imaginary frequencies are
+        excluded."""
         real = self.speeds[~self.imaginary & np.isfinite(self.values[:, 0])]
         speeds = real[:: max(1, len(real) // _SAMPLES)]
         shifts = np.array([shift_by_rates(self.system, speed) for speed in speeds.tolist()])

@@ -39,19 +39,20 @@ Chosen by judgement."""
 _WIDE, _FEWEST_LOCKED = 0.5, 4
 """A pair counts as locked if the distance between its two real exceptional points, relative to the step,
 exceeds the first number after at least the second number of bisections. Vectors that rotate with the
-parameter show an apparent coupling, which decreases with the square of the step; relative to the step, the
-distance between the exceptional points that it produces decreases in proportion to the step."""
+parameter show an apparent coupling, which is proportional to the square of the step. The apparent coupling
+produces exceptional points; the distance between them, relative to the step, is proportional to the step."""
 
 
 _NEAR, _NARROW = 1.0, 0.1
-"""The vector of a mode is not used as a reference if the exceptional points of the mode and its own conjugate
-are nearer to the segment than the first number and half of their separation exceeds the second number, both
-relative to the step. Narrower resonances lie between two samples. Chosen by judgement."""
+"""Two distances, relative to the step. The exceptional points meant here are those of a mode and its own
+conjugate. The vector of the mode is not used as a reference if these points are nearer to the segment than
+the first number, and half the distance between them exceeds the second number. Narrower resonances lie
+between two samples. Chosen by judgement."""
 
 
 _TIE = 0.01
-"""Weight of the overlap with the last sample if a track is compared with an earlier sample. It only decides
-between equal overlaps with the earlier sample. Chosen by judgement."""
+"""Weight of the overlap with the last sample if a track is compared with an earlier sample. This overlap
+matters only if overlaps with the earlier sample are equal. Chosen by judgement."""
 
 _FARTHEST = 8.0
 """Distance of exceptional points, relative to the step, up to which the linear model locates them. Chosen by
@@ -76,8 +77,8 @@ class Doubt(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """Two coupled tracks, the two complex exceptional points that they approach, and the gap in rad/s between
-    their exponents."""
+    """Two coupled tracks, the two complex exceptional points near which they pass, and the gap in rad/s
+    between the exponents of the tracks."""
 
     first: int
     second: int
@@ -116,7 +117,8 @@ class Tracks:
     budget : int
         Number of samples that may still be added.
     exhausted : float or None
-        Value at which the budget was exhausted; beyond it, samples that were required were not added.
+        Value at which the budget was exhausted. Beyond this value, further samples were required but not
+        added.
     """
 
     solve: Callable[[float], ModeVectors | None]
@@ -348,7 +350,8 @@ class Step:
         return bool((self.sample.modes.coincident[np.ix_(after, after)] & ~coincident_before).any())
 
     def _note_approaches(self) -> None:
-        """Record the exceptional points of coupled pairs if their midpoint lies within this step."""
+        """For each coupled pair, record the two exceptional points if the midpoint between them lies within
+        this step."""
         pairs, width = self.pairs, self.sample.x - self.before.x
         middle = np.real(pairs.roots).mean(axis=0)
         is_near = pairs.coupled & (middle >= 0) & (middle < 1) & (pairs.distance < _FARTHEST)

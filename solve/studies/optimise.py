@@ -104,9 +104,9 @@ def optimise(
 
     Notes
     -----
-    The optimisation minimises a bound on all local extrema that may be the largest. At every speed, the
-    spectral radius plus its error stays below 1; for a model without damping, it equals 1 within its error.
-    The optimum is a local one.
+    The optimisation minimises an upper bound on the local extrema that may become the largest. At every
+    speed, the spectral radius plus its error stays below 1; for a model without damping, it equals 1 within
+    its error. The optimum is a local one.
 
     Examples
     --------
@@ -230,8 +230,8 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
 
 
 def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any], list[str]]:
-    """Return the objective and the verdicts of nonlinear orbits, and proved verdicts; and sentences on
-    results that these do not confirm."""
+    """Return a mapping, and sentences on results that are not confirmed. The mapping contains the objective
+    and the verdicts of nonlinear orbits and, if `prove` is True, the proved verdicts."""
     design, model = search.design, search.design.varied(best.x)
     confirmed: dict[str, Any] = {}
     doubts: list[str] = []

@@ -47,8 +47,8 @@ _RESTARTS = 4
 nearby. Chosen by judgement."""
 
 _VIOLATION = 1e-7
-"""Largest violation of a bound, divided by its scale, with which the bound counts as satisfied. Chosen by
-judgement."""
+"""A bound counts as satisfied if its violation, divided by the scale of the bound, is at most this number.
+Chosen by judgement."""
 
 
 @dataclass(frozen=True)

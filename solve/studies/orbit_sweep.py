@@ -1,5 +1,6 @@
-"""Sweeps in which orbits are computed one by one: nonlinear orbits, the iteration for which starts from the
-nearest solved point, and the prescribed motions of mechanisms without coordinates."""
+"""Sweeps in which orbits are computed one by one. The orbits are either nonlinear orbits, for which the
+iteration starts from the nearest solved point, or the prescribed motions of mechanisms without
+coordinates."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

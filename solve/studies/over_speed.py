@@ -17,8 +17,8 @@ SPECTRAL_RADIUS = Named(RADIUS, "1", RADIUS)
 """Spectral radius as a named quantity."""
 
 _TOLERANCE = 1e-10
-"""Tolerance of the edge of a band, relative to its speed. Chosen by judgement: far below that of the
-optimum."""
+"""Tolerance of the speed at the edge of a band, relative to this speed. Chosen by judgement: it is far below
+the tolerance of the optimum."""
 
 _BRACKETS = 0.25, 0.02
 """Half-widths of the brackets around a predicted edge, relative to the initial width of the band. Chosen by

@@ -33,10 +33,10 @@ larger `SEARCH_SPREAD`. Chosen by judgement: with these fractions, intervals for
 three dimensions contain the true value as often as other intervals."""
 
 _FEW = 10
-"""Effective number of events, (Σw)²/Σw² of their weights w (L. Kish, Survey Sampling, 1965), below which they
-may lie at the margin of a region that the samples miss. The upper end of the interval is then at least that
-without events. Measured: of 60 intervals for two narrow ranges of instability, 14 did not contain the true
-value; with this limit, 4 do not."""
+"""Effective number of events, (Σw)²/Σw² of their weights w (L. Kish, Survey Sampling, 1965), below which the
+events may lie at the margin of a region that the samples miss. The upper end of the interval is then at least
+as large as it would be without events. Measured: of 60 intervals for two narrow ranges of instability, 14 did
+not contain the true value; with this limit, 4 do not."""
 
 _STEPS, _STEP_END = 12, 0.02
 """Maximum number of Newton steps to the nearest point of an event, and change of z below which the iteration
@@ -50,8 +50,8 @@ MAX_CENTRES = 8
 """Maximum number of centres of a mixture; those nearest to 0 are kept. Chosen by judgement."""
 
 _COVERED = 1.0
-"""Events belong to a centre if they are beyond the tangent plane through the centre, or on the side of 0 up
-to this distance from the plane. Chosen by judgement."""
+"""An event belongs to a centre if it lies beyond the tangent plane through the centre, or on the other side,
+where 0 lies, within this distance of the plane. Chosen by judgement."""
 
 
 class Mixture(NamedTuple):

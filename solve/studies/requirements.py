@@ -60,7 +60,7 @@ class Bound:
 class Kept:
     """Statistic of a quantity, or its curve at the phases `phases` (k,), that an optimisation must not
     change. `figures` is the name of the statistic, or two names for the difference of two statistics.
-    `tolerance` is the largest permitted change in the SI unit; None if none is stated.
+    `tolerance` is the largest permitted change in the SI unit; None if no tolerance is stated.
     """
 
     text: str

@@ -34,9 +34,9 @@ _MAX_COST = 9.0
 difference decides the matching. Chosen by judgement."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
-"""Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part,
-and for a maximum of the spectral radius, which is narrower. The third number is the excess over the smallest
-sum up to which a label counts as equally good. Chosen by judgement."""
+"""Limits of a sum of squared differences, each relative to its allowed value. The first limit is for maxima
+of a real part. The second is for maxima of the spectral radius, which are narrower. The third number is the
+excess over the smallest sum up to which a label counts as equally good. Chosen by judgement."""
 
 _ORDER_PENALTY = 0.1
 """Penalty added to the sum of squared differences for each order above the first, because resonances of
@@ -65,8 +65,8 @@ class Label(NamedTuple):
 
 
 def allowed_distance(orders: Array | float) -> Array:
-    """Return, for each order, the largest difference between the order and the ratio of a frequency to the
-    speed with which the order may explain a maximum."""
+    """For each order, return the largest difference allowed between the order and the ratio of a frequency to
+    the speed. With a larger difference, the order cannot explain a maximum."""
     return np.minimum(_NEAR, CLOSE * orders)
 
 
@@ -79,8 +79,9 @@ class MultiplierMatcher:
     which only the product identifies the mode. The pair of a mode has the angle ω̄T, up to sign and multiples
     of 2π, and the logarithmic decrement δT. All pairs are matched simultaneously so that the sum of the
     squared differences of angles and decrements, each relative to its allowed value, is smallest. Pairs with
-    the same angle may exchange energy: the decrement of such a pair may differ from that of its mode by as
-    much as from the mean of these pairs.
+    the same angle may exchange energy. The allowed difference between the decrement of such a pair and that
+    of its mode is therefore increased by the distance of the pair's decrement from the mean decrement of
+    these pairs.
     """
 
     system: PeriodicSystem
@@ -152,8 +153,8 @@ class MultiplierMatcher:
         return float(self._costs[matched(self._costs)].sum())
 
     def misfit(self, modes: dict[int, int]) -> float:
-        """Return the cost of the best matching in which each pair in `modes` is assigned the mode that
-        `modes` states for it, minus the cost of the best matching without this condition."""
+        """Return the cost of the best matching in which each pair that is a key of `modes` has the mode
+        `modes[pair]`, minus the cost of the best matching without this condition."""
         pairs, others = (
             [at for at in range(len(self.pairs)) if at not in fixed] for fixed in (modes, modes.values())
         )

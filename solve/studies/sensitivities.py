@@ -1,6 +1,6 @@
-"""Sensitivities of quantities at several speeds, and sensitivities of the speeds at edges of unstable bands
-and of critical speeds. The latter follow from the implicit function theorem (S. G. Krantz, H. R. Parks, The
-Implicit Function Theorem, 2013)."""
+"""Sensitivities of quantities at several speeds, and sensitivities of two kinds of speeds: edges of unstable
+bands, and critical speeds. Sensitivities of speeds follow from the implicit function theorem (S. G. Krantz,
+H. R. Parks, The Implicit Function Theorem, 2013)."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -52,7 +52,8 @@ _UNBOUNDED = (
 )
 
 _SMOOTH = 0.5
-"""Largest relative change of the curvature of a maximum when the step is doubled. Chosen by judgement."""
+"""Largest permitted relative change of the curvature of a maximum, as computed by finite differences, when
+their step is doubled. Chosen by judgement."""
 
 _STEP_REDUCTION = 8.0
 """Factor by which the step is reduced if the maximum is too narrow for it. Chosen by judgement."""

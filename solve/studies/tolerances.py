@@ -226,8 +226,8 @@ def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> M
 
 
 def _speeds_of(event: Event) -> list[int]:
-    """Return the indices of the speeds with the most occurrences of an event; if it never occurs, the index
-    of the speed with the largest margin."""
+    """Return the indices of the speeds at which an event occurs most often, at most `_MOST_SPEEDS` of them.
+    If the event never occurs, return the index of the speed with the largest margin."""
     counts = np.count_nonzero(event.margins > 0, axis=0)
     order = np.argsort(-counts, kind="stable")[:_MOST_SPEEDS]
     if counts.any():
@@ -239,8 +239,8 @@ def _speeds_of(event: Event) -> list[int]:
 def _sobol(
     machines: Machines, samples: int, rng: np.random.Generator
 ) -> tuple[dict[str, dict[str, SobolIndices]], int]:
-    """Return the Sobol indices as a mapping from quantities to a mapping from parameters, and the number of
-    samples without a value."""
+    """Return the Sobol indices and the number of samples without a value. The indices are a mapping from each
+    quantity to a mapping from parameters to indices."""
     if not samples:
         return {}, 0
 

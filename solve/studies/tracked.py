@@ -31,9 +31,9 @@ _WINDOW = np.linspace(-1.0, 1.0, 33)
 window. The window ends halfway to the neighbouring extremum."""
 
 _ZOOMS, _ZOOM = 2, 16
-"""Number of times that a window is searched, and factor by which its width is reduced for the next search.
-Measured for an oscillator: derivatives of extrema are accurate to 2e-4 with one search, and to 1e-7 with
-two."""
+"""Number of searches for an extremum, and factor by which the width of the window is reduced from one search
+to the next. Measured for an oscillator: derivatives of extrema are accurate to 2e-4 with one search, and to
+1e-7 with two."""
 
 _WINDOWS = 16
 """Number of windows, spread over the whole period, in which the maxima of a quantity that is constant over
