@@ -148,9 +148,9 @@ class BoundarySearch:
     ) -> Brackets:
         """Narrow brackets (E,) to a tolerance; the default is that of the search.
 
-        Without a prediction, trials are evenly spaced between the ends. With a prediction they lie on both
-        sides of the predicted edge: closer after trials that enclosed the edge, farther after trials that
-        missed it.
+        Without a prediction, trials are evenly spaced between the ends. With a prediction, trials lie on both
+        sides of the predicted edge. The next trials lie closer to the edge if the last trials enclosed it,
+        and farther if they missed it.
         """
         width = (self.tolerance if tolerance is None else tolerance) * self.scale
         width = np.maximum(width, np.finfo(float).tiny)
@@ -251,8 +251,8 @@ class BoundarySearch:
         return crossings
 
     def sign_changes(self, low: StabilitySamples, high: StabilitySamples, kind: int) -> Brackets:
-        """Return brackets (E,), narrowed to the tolerance, in which the crossing function of +1 (kind 0) or
-        -1 (kind 1) changes its sign. `low` and `high` (E,) are the samples at the initial ends."""
+        """Return brackets (E,), narrowed to the tolerance, of sign changes of the crossing function of +1
+        (kind 0) or -1 (kind 1). `low` and `high` (E,) are the samples at the initial ends."""
 
         def passed(samples: StabilitySamples, lines: Array) -> Array:
             return samples.distances[:, kind] * high.distances[lines, kind] > 0

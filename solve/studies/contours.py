@@ -20,7 +20,7 @@ class Crossings:
     """Points on the lines of a grid at which stability changes.
 
     For each point, `line` (c,) is the index of its line, `place` (c,) the coordinate along the line, and
-    `kind` (c,) the index in KINDS of the way in which a multiplier leaves the unit circle.
+    `kind` (c,) the index in KINDS of the kind of instability.
     """
 
     line: Array
@@ -112,8 +112,8 @@ def _decided(
     rims: _CellCrossings, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
     """Return connections (k, 2) between crossings in cells that have several unstable arcs. Crossings of the
-    same kind are connected. If the kinds do not decide, two arcs are joined if the point between them is
-    unstable, or if both arcs are as narrow as a tongue."""
+    same kind are connected. Where the kinds leave several connections possible, two arcs are joined in two
+    cases: the point between the arcs is unstable, or both arcs are as narrow as a tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)

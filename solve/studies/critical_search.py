@@ -36,8 +36,8 @@ the distance between neighbouring divisions. Chosen by judgement: these speeds m
 this maximum, and before the next maximum."""
 
 _BESIDE = 4.0
-"""Distance from a maximum to the speeds, on either side, at which results are computed for comparison, as a
-multiple of the tolerance of its speed. Chosen by judgement, larger than the error of the speed."""
+"""Results for comparison are computed at this distance on either side of a maximum. The unit of the distance
+is the tolerance of the speed of the maximum. Chosen by judgement, larger than the error of the speed."""
 
 
 _SHARE = 0.1
@@ -46,7 +46,7 @@ rise of any harmonic. Chosen by judgement."""
 
 
 def radius(results: PointResults) -> Array:
-    """Spectral radius (P,); NaN where it is below 1/2, so that perturbations lose more than half of their
+    """Spectral radius (P,); NaN where the radius is below 1/2: perturbations then lose more than half of the
     amplitude in a period."""
     modulus = results.spectral_radius
     return np.where(modulus >= LIGHTLY_DAMPED, modulus, np.nan)
@@ -266,8 +266,8 @@ class CriticalSearch:
         return set(itertools.product(range(1, self.system.n + 1), rising))
 
     def label_real_part_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Label maxima of the real part of the dominant multiplier. Maxima at edges of unstable ranges are
-        omitted if no resonance explains them, because at such edges another multiplier becomes dominant."""
+        """Label maxima of the real part of the dominant multiplier. Maxima that no resonance explains are
+        omitted at the edges of unstable ranges, because another multiplier becomes dominant at such edges."""
         speeds, count = np.array([maximum.speed for maximum in maxima]), len(maxima)
         near = 1 + _BESIDE * self.tolerance * np.array([0, -1, 1])
         results = self.solve_multipliers((near[:, None] * speeds).ravel())
@@ -283,8 +283,8 @@ class CriticalSearch:
         return [label for label, edge in zip(labels, is_edge, strict=True) if label.is_explained or not edge]
 
     def label_radius_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Label maxima of the spectral radius. Maxima of stable motion are omitted if no resonance explains
-        them, because the radius also has a maximum where two multipliers of different decay meet."""
+        """Label maxima of the spectral radius. Maxima of stable motion that no resonance explains are
+        omitted, because the radius also has a maximum where two multipliers of different decay meet."""
         results = self.solve_multipliers(np.array([maximum.speed for maximum in maxima]))
         maxima = _certified(maxima, results.spectral_radius)
         labels = [

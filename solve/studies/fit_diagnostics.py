@@ -33,8 +33,8 @@ judgement."""
 
 
 def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:
-    """Return warnings, one sentence each. `ratios` maps each channel to the ratio of its measured values to
-    those computed at the start."""
+    """Return warnings, one sentence each. `ratios` maps each channel to the ratio of the measured to the
+    initially computed values."""
     from scipy.stats import chi2
 
     warnings = [

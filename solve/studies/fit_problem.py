@@ -85,7 +85,7 @@ class Problem:
 
     @property
     def ratios(self) -> dict[str, float]:
-        """Mapping from channels to the ratio of the measured values to those computed at the start."""
+        """Mapping from each channel to the ratio of the measured to the initially computed values."""
         names = [name for data in self.sets for name in data.channels]
         measured = self.measured
         ends = np.cumsum([len(values) for values in measured])[:-1]

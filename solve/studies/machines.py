@@ -33,8 +33,8 @@ class Quantity(NamedTuple):
 
     @classmethod
     def with_bounds(cls, named: Named, bounds: Sequence[Bound]) -> "Quantity":
-        """Quantity with the limits that `bounds` contains for it. If there are none, small values of a
-        minimum count as worse, and so do large values of any other quantity."""
+        """Quantity with the limits that `bounds` contains for `named`. If there are no limits, small values
+        of a minimum count as worse, and so do large values of any other quantity."""
         limits: dict[float, float] = {}
         for bound in bounds:
             if bound.quantity.text == named.text:
@@ -148,8 +148,8 @@ class Machines:
         return Outcome(unstable, beyond, np.array(every))
 
     def worst(self, values: Array) -> tuple[Array, Array]:
-        """Worst values (P, q) over all speeds, from values (q, P, k), and indices (P, q) of the speeds at
-        which they occur. A worst value is NaN if the value at any speed is NaN."""
+        """Worst values (P, q) over all speeds, and the indices (P, q) of the speeds of these worst values,
+        from `values` (q, P, k). A worst value is NaN if the value at any speed is NaN."""
         excess = [each.excess(each_values) for each, each_values in zip(self.quantities, values, strict=True)]
         speed_indices = np.array(excess).argmax(axis=2)
         return np.take_along_axis(values, speed_indices[..., None], axis=2)[..., 0].T, speed_indices.T

@@ -30,9 +30,9 @@ _SAME_GRID = ("radau", "gauss")
 """Methods whose error estimate is a solution on the same grid with one more stage."""
 
 _FLAT_TOP, _HEIGHT_TOLERANCE = 1e-5, 1e-6
-"""The height of a maximum is refined if it exceeds the ends of its bracket by more than the first number,
-relative to the height. The second number is the relative tolerance of the refined height. Chosen by
-judgement."""
+"""The height of a maximum is refined if it exceeds the heights at both ends of the bracket by more than the
+first number, relative to the height. The second number is the relative tolerance of the refined height.
+Chosen by judgement."""
 
 Value = Callable[[Array, Array], tuple[Array, Array]]
 """Type of functions of speeds (m,) and the indices (m,) of their brackets. Such a function returns heights

@@ -15,8 +15,8 @@ _PHASES, _FEW_PHASES = 64, 16
 judgement: both converge exponentially."""
 
 _NEAR = 0.5
-"""Two frequencies count as close at a phase if their difference is below this fraction of its maximum over
-the period. Chosen by judgement."""
+"""Two frequencies count as close at a phase if the difference between them is below this fraction of the
+maximum difference over the period. Chosen by judgement."""
 
 
 class MeanModes(NamedTuple):
@@ -38,8 +38,9 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     system. Rates are the means of the decay rates of these eigenvalues, without approximation.
 
     Where frequencies cross, modes are followed by their shapes, see `_follow`. Modes that exchange their
-    ranks within a period have a common mean. A small component of the vibration keeps its rank; if it decays
-    so slowly that it dominates after a period, the sorted frequencies are averaged instead.
+    ranks within a period have a common mean. A small component of the vibration keeps its rank; if this
+    component decays so slowly that it dominates after a period, the means are those of the sorted
+    frequencies.
     """
     step = system.period / _PHASES
     M, C, K, d = system.at((np.arange(_PHASES) + 0.5) * step, speed)
@@ -112,13 +113,12 @@ def _without_smallest(values: Array, count: int) -> Array:
 
 def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
     """Follow n modes through k phases, of which `rate` pass per second. Return the rank (k, n) of each mode
-    at each phase; for each mode, the index (n,) of the mode whose rank it takes after the period; and a
-    logarithm. The latter is that of the component of a vibration that keeps its rank although its mode
-    changes rank.
+    at each phase; for each mode, the index (n,) of the mode whose rank it takes after the period; and the
+    logarithm of a component of the vibration. This component keeps its rank although its mode changes rank.
 
     While the mode shapes rotate faster than the frequencies differ, θ rate > Δω, the vibration cannot follow
-    them and keeps its shape. By the Landau-Zener formula (C. Zener, Proceedings of the Royal Society A 137,
-    1932, 696), more than half of it then changes its rank in an avoided crossing.
+    the mode shapes and keeps its own shape. By the Landau-Zener formula (C. Zener, Proceedings of the Royal
+    Society A 137, 1932, 696), more than half of the vibration then changes rank in an avoided crossing.
     """
     count, n = frequencies.shape
     following, identity = np.roll(np.arange(count), -1), np.arange(n)

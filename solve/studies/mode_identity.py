@@ -154,8 +154,8 @@ def _every_harmonic(modes: ModeVectors) -> Array:
 
 def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[Array, Array]:
     """Return the first track of each conjugate pair, and the exponents (S, T). Of two conjugate exponents,
-    the one whose imaginary part is positive on average is returned. Where the multipliers are real, it is the
-    exponent of the less damped mode."""
+    the one whose imaginary part is positive on average is returned. Where the multipliers are real, the
+    exponent of the less damped mode is returned."""
     partners, columns = path.partners(), exponents.copy()
     tracks = [track for track in range(exponents.shape[1]) if twins.get(track, track) >= track]
     for track in tracks:

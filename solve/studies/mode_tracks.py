@@ -44,10 +44,10 @@ produces exceptional points; the distance between them, relative to the step, is
 
 
 _NEAR, _NARROW = 1.0, 0.1
-"""Two distances, relative to the step. The exceptional points meant here are those of a mode and its own
-conjugate. The vector of the mode is not used as a reference if these points are nearer to the segment than
-the first number, and half the distance between them exceeds the second number. Narrower resonances lie
-between two samples. Chosen by judgement."""
+"""Limits, relative to the step, for the two exceptional points of a mode and its own conjugate. The vector of
+the mode is not used as a reference if these points are nearer to the segment than the first number, and half
+the distance between the points exceeds the second number. Narrower resonances lie between two samples. Chosen
+by judgement."""
 
 
 _TIE = 0.01
@@ -184,8 +184,8 @@ class Step:
         self.quality = self._quality()
 
     def _references(self) -> tuple[State, Array]:
-        """Return the state with which each track is compared, and its overlaps (T, k, S) with k modes of the
-        next sample at S shifts."""
+        """Return the state with which each track is compared, and the overlaps (T, k, S) of T tracks with k
+        modes of the next sample at S shifts."""
         tracks = self.tracks
         modes, shifts = (values.copy() for values in tracks.states[tracks.base])
         products = np.where((modes >= 0)[:, None, None], self.overlaps.products[modes], 0.0)

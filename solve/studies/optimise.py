@@ -1,6 +1,6 @@
 """Optimisation of parameters with guaranteed stability: the largest vibration at any of several speeds is
-minimised, with exact derivatives. The spectral radius is increased by its error estimate before it is
-compared with its limit."""
+minimised, with exact derivatives. The limit of the spectral radius applies to the sum of the radius and its
+error estimate."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

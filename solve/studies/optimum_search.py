@@ -53,8 +53,8 @@ Chosen by judgement."""
 
 @dataclass(frozen=True)
 class State:
-    """Design `x` with its objective, which is the largest value at any speed, and its largest violation of a
-    requirement (0 if it violates none)."""
+    """Design `x`. `objective` is the largest value at any speed. `violation` is the largest violation of a
+    requirement, or 0 if no requirement is violated."""
 
     x: Array
     objective: float
@@ -66,9 +66,9 @@ class State:
         return self.violation <= _VIOLATION
 
     def better_than(self, other: "State") -> bool:
-        """Whether this design is preferred to another. A feasible design is better if its objective is lower.
-        An infeasible design is better if its violation is less than half, or if neither its violation nor its
-        objective is higher."""
+        """Whether this design is preferred to `other`. If `other` is feasible, this design must be feasible
+        and have a lower objective. Otherwise, this design must have less than half the violation of `other`,
+        or a lower objective without a larger violation."""
         if other.feasible:
             return self.feasible and self.objective < other.objective
         lower = self.violation <= other.violation and self.objective < other.objective
@@ -153,8 +153,8 @@ class Search:
         return [requirement for requirement, _ in self.bounded(points)] + changes
 
     def bounded(self, points: Sequence[DesignPoint]) -> list[tuple[Requirement, float]]:
-        """Bounds with their worst values at any of the speeds, and their violations, which are negative for
-        satisfied bounds."""
+        """For the spectral radius and for each bound: a requirement with the worst value at any of the
+        speeds, and the violation, which is negative if the bound is satisfied."""
         radius = max(map(safe_radius, points))
         bounded = [(Requirement(RADIUS, radius, self.limit), radius - self.limit)]
         for each in self.bounds:

@@ -11,8 +11,8 @@ from solve.results.points import Kept, PointResults
 
 
 def kept_for(quantities: Sequence[Named], limited: Sequence[str] = ()) -> Kept:
-    """Return the selection of data that must be stored at each point. The data are those of `quantities`, and
-    those of the coordinates and outputs with limits, `limited`."""
+    """Return the selection of data that must be stored at each point. They are the data for `quantities`, and
+    the data for `limited`, the coordinates and outputs with limits."""
     of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
     orders = [quantity.number for quantity in of_orbit if quantity.figure == HARMONIC]
     spectra = dict.fromkeys(quantity.subject for quantity in of_orbit if quantity.figure == HARMONIC)

@@ -105,9 +105,9 @@ class Mixture(NamedTuple):
 
     def _interval(self, weights: Array, events: Array) -> tuple[float, float, float]:
         """Probability of events (P,) and the ends of its interval (E. B. Wilson, J. Am. Stat. Assoc. 22
-        (1927) 209-212). The interval is that for the number of equally weighted samples with the same
-        variance. The probability of a frequent event is 1 minus that of the opposite event, whose variance is
-        smaller, because the mean of the weights differs from 1."""
+        (1927) 209-212). The interval is computed for the number of equally weighted samples that has the same
+        variance. For a frequent event, the probability of the opposite event is computed and subtracted from
+        1. This reduces the variance, because the mean of the weights differs from 1."""
         weighted = weights * events
         opposite = weights - weighted
         if opposite.sum() < weighted.sum():

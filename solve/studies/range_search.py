@@ -17,8 +17,8 @@ from solve.studies.optimum_search import STATIONARY, Search, State
 from solve.studies.over_speed import BandEdge, PeakSpeed
 
 _BETWEEN, _MAX_ROUNDS = 4, 10
-"""Number of parts into which each interval of speeds is divided to check an optimum between the speeds, and
-maximum number of rounds in which maxima are added. Chosen by judgement."""
+"""Number of parts into which each interval of speeds is divided when an optimum is checked between the
+speeds; and maximum number of rounds in which maxima are added. Chosen by judgement."""
 
 _MAX_BANDS = 4
 """Maximum number of unstable bands that are removed, one after another. Chosen by judgement."""

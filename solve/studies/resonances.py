@@ -43,8 +43,8 @@ _ORDER_PENALTY = 0.1
 higher order are weaker. Chosen by judgement."""
 
 _SAME_SPEED = 1e-3
-"""Relative difference of the speeds of two maxima, one of the real part and one of the modulus of a
-multiplier, up to which they count as the same resonance. Chosen by judgement."""
+"""A maximum of the real part and a maximum of the modulus of a multiplier count as the same resonance if the
+relative difference of their speeds is at most this number. Chosen by judgement."""
 
 Fit = tuple[float, Combination]
 """Misfit of a combination, followed by the combination."""
@@ -245,9 +245,9 @@ class MultiplierMatcher:
 def assign(
     rows: list[Critical], labels: list[Label], frequencies: MeanFrequencies, column: str
 ) -> list[Critical]:
-    """Return rows with maxima inserted in a column, the highest first. Each is inserted in the row of the
-    nearest division that explains it. A maximum that no division explains, or at which frozen frequencies are
-    imaginary, is inserted in the row of the same combination or in a new row.
+    """Return rows in which the maxima of `labels` are inserted in a column, the highest first. A maximum is
+    inserted in the row of the nearest division that explains it. If there is no such division, or if frozen
+    frequencies are imaginary at the maximum, the row is that of the same combination or a new row.
     """
     rows = list(rows)
     for label in sorted(labels, key=lambda label: -label.maximum.height):

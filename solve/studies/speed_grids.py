@@ -78,8 +78,8 @@ def by_speed(samples: StabilitySamples) -> StabilitySamples:
 def separate_crossings(
     evaluate: Evaluate, samples: StabilitySamples, rotation: Rotation, signs: Sequence[int] = (1, -1)
 ) -> StabilitySamples:
-    """Add samples, at ascending speeds, where two pairs of multipliers may both pass through +1, or both
-    through -1, between two speeds. Each pair then has a separate minimum of the distance."""
+    """Add samples between two neighbouring speeds if two pairs of multipliers may both pass through +1, or
+    both through -1, between these speeds. Each pair then has a separate minimum of the distance."""
     for _ in range(_HALVINGS):
         speeds = samples.points[:, 0]
         max_change = np.minimum(-2 * np.diff(1 / speeds) * rotation(speeds[1:]), _NEIGHBOURHOOD)

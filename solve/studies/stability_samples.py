@@ -26,9 +26,9 @@ class StabilitySamples:
     """Stability at points (k, v).
 
     `unstable` (k,) is True if a multiplier lies outside the unit circle by more than its error; `stable` (k,)
-    is True if all multipliers lie inside or on it, within their errors. Both are False where the point failed
-    or the verdict is undetermined. `multipliers` (k, N) are in descending order of modulus, and 0 at failed
-    points. For `distances` (k, 4), see `distances_to_instability`.
+    is True if all multipliers, within their errors, lie inside or on the circle. Both are False where the
+    point failed or the verdict is undetermined. `multipliers` (k, N) are in descending order of modulus, and
+    0 at failed points. For `distances` (k, 4), see `distances_to_instability`.
     """
 
     points: Array

@@ -47,8 +47,8 @@ _MOST_STEPS = 40
 """Maximum number of evaluations in the search for a worst point. Chosen by judgement."""
 
 _STARTS = 3
-"""Number of samples, the worst ones, from which a worst point is sought. Chosen by judgement: several are
-needed because maxima may be local."""
+"""A worst point is sought from this number of the worst samples. Chosen by judgement: several are needed
+because maxima may be local."""
 
 _NO_VALUE = 2.0
 """Objective of points without a result. The objective at the start is 1 or -1, so that no line search accepts
@@ -86,7 +86,8 @@ def tolerances(
         the case. A machine counts as unstable if it is unstable at one of these speeds.
     vary : mapping of str to str, optional
         Mapping from parameters to tolerances or distributions, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)"
-        or "uniform(7e4, 9e4)". They supplement those of the case, or replace them for the same parameter.
+        or "uniform(7e4, 9e4)". These supplement the tolerances of the case; for the same parameter, they
+        replace the tolerance of the case.
     subject : sequence of str
         Limits of quantities at every speed, such as "q3.max_abs < 9 um".
     of : sequence of str
@@ -256,9 +257,9 @@ def _sobol(
 
 
 def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
-    """Search for the worst case of each quantity, in the direction of each limit, from the worst of the
-    points (P, r), whose values are `values` (q, P, k). The last point is the nominal one. Where the
-    quantity has no derivatives, the worst of the points is returned."""
+    """Search for the worst case of each quantity in the direction of each limit. The search starts from the
+    worst of the points (P, r), at which the quantities have the values `values` (q, P, k). The last point is
+    the nominal one. If a quantity has no derivatives, the worst of the points is returned."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
     nominal = machines.worst(values[:, -1:])[0][0]

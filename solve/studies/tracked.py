@@ -23,8 +23,8 @@ from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
 
 _LEADING = 0.5
-"""Extrema that are lower than the largest by more than this fraction of the range of the values are not
-followed, unless they are among the largest in a later round."""
+"""An extremum is not followed if it is lower than the largest by more than this fraction of the range of the
+values. The choice is repeated in each round."""
 
 _WINDOW = np.linspace(-1.0, 1.0, 33)
 """Sampling points of the window in which an extremum is searched for again, relative to the half-width of the
@@ -239,9 +239,9 @@ def _half_widths(phases: Array, period: float) -> Array:
 
 
 def _refined(values: Array, indices: Array, phases: Array) -> Array:
-    """Return the phases (k,) of the vertices of parabolas through three samples. The middle sample has the
-    index `indices` (k,) among the `values` (k, j) at `phases` (k, j). If it is the first or the last sample,
-    its own phase is returned."""
+    """Return the phases (k,) of the vertices of parabolas through three samples. `indices` (k,) are the
+    indices of the middle samples among the `values` (k, j) at `phases` (k, j). If such an index is that of
+    the first or last sample, the phase of this sample is returned."""
     rows, inner = np.arange(len(indices)), np.clip(indices, 1, values.shape[1] - 2)
     below, top, above = (values[rows, inner + shift] for shift in (-1, 0, 1))
     bend = 2 * top - below - above

@@ -129,7 +129,7 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
 
 def _state_noise(plant: Plant, W: Weight) -> Function:
     """Return the intensity W (k, N, N) of the process noise as a function of phases (k,). If W is a mapping,
-    its keys name inputs and states, and its values are their noise intensities."""
+    its keys are names of inputs and states, and its values are noise intensities."""
     if not isinstance(W, Mapping):
         return matrix_function("W", W, plant.N, plant.system)
     inputs, states = plant.system.inputs, plant.states

@@ -25,8 +25,8 @@ _TURNS, _GAIN = (1.0, 0.5, 0.25, 0.1), 1e-4
 decrease of the distance below which the search ends. Chosen by judgement."""
 
 _TOLERANCE, _BESIDE = 1e-6, 1e-3
-"""Relative tolerance of the distance, and relative distance from the boundary at which the verdicts on its
-two sides are computed. Chosen by judgement."""
+"""Relative tolerance of the distance to the boundary; and the relative distance from the boundary, on either
+side, at which verdicts are computed. Chosen by judgement."""
 
 
 @of_system

@@ -54,9 +54,9 @@ _LEAST, _MOST = 24, 6000
 seconds."""
 
 _TOO_FAST, _COARSE = 10.0, 2.0
-"""Modes of the closed loop count as too fast if they exceed the fastest mode of the system by the first
-factor, and also the fastest mode that the largest number of steps resolves by the second factor. Chosen by
-judgement."""
+"""Modes of the closed loop count as too fast if two conditions hold. They exceed the fastest mode of the
+system by the first factor. They also exceed, by the second factor, the fastest mode that the largest number
+of steps resolves. Chosen by judgement."""
 
 _SAFETY = 1.5
 """Safety factor on the estimated error, which is needed because the residual is evaluated only at the stages.
@@ -297,8 +297,8 @@ def _reversal(powers: int) -> Array:
 
 
 def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve:
-    """Return the Hermite interpolant of `count` functions, from their values (m+1, count) at the nodes and
-    their slopes `starts` and `ends` (m, count) at the two ends of each step. The nearest nodes that are not
+    """Return the Hermite interpolant of `count` functions. `values` (m+1, count) are the values at the nodes;
+    `starts` and `ends` (m, count) are the slopes at the two ends of each step. The nearest nodes that are not
     separated by a jump are used."""
     m, D = grid.steps, 2 * _STENCIL
     coefficients = np.zeros((values.shape[1], m, D))
