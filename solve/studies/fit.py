@@ -163,8 +163,8 @@ def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
 def _uncertainty(
     problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
-    """Return the covariance (r, r) of x in the identifiable directions, a mask (r,) of the parameters with a
-    component in the other directions, and sentences that name the unidentifiable combinations."""
+    """Return the covariance (r, r) of x in the identifiable directions; a mask (r,) of the parameters that
+    have a component in another direction; and sentences that name the unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
     is_identifiable = sizes > EPS * count * sizes[0]
     spread = np.where(is_identifiable, sigma / np.where(is_identifiable, sizes, 1.0), np.inf)

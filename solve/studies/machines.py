@@ -74,9 +74,9 @@ class Event(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Results of P machines at k speeds. `unstable` is the event that a machine is unstable, `beyond`
-    contains, for each bound, the event that this bound is violated, and `values` (q, P, k) are the values of
-    q quantities."""
+    """Results of P machines at k speeds. `unstable` is the event that a machine is unstable. For each bound,
+    `beyond` contains the event that this bound is violated. `values` (q, P, k) are the values of q
+    quantities."""
 
     unstable: Event
     beyond: Sequence[Event]

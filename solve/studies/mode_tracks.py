@@ -1,8 +1,8 @@
 """Identity of Floquet modes as a parameter varies, by adaptive refinement until the identity is unambiguous.
 
-Modes are followed from one sample to the next. Their identity is unambiguous if every mode overlaps with only
-one mode of the next sample, and if no exceptional point of two coupled modes lies near the segment between
-the two samples. Otherwise, a sample is added in the middle.
+Modes are followed from one sample to the next. Their identity is unambiguous if two conditions hold: every
+mode overlaps with only one mode of the next sample, and no exceptional point of two coupled modes lies near
+the segment between the samples. Otherwise, a sample is added in the middle.
 """
 
 from collections.abc import Callable, Collection

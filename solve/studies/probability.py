@@ -17,8 +17,8 @@ from solve.errors import SolveError
 from solve.results.tolerances import Probability
 
 Gradient = Callable[[Array], tuple[float, Array]]
-"""Type of functions of z (r,) that return the margin of an event, positive where the event occurs, and the
-derivatives (r,) of the margin."""
+"""Type of functions of z (r,). Such a function returns the margin of an event, which is positive where the
+event occurs, and the derivatives (r,) of the margin."""
 
 QUANTILE = 1.959963984540054
 """Quantile of the normal distribution for 95 % intervals."""

@@ -18,8 +18,9 @@ from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem
 
 _NEAR = 0.2
-"""A maximum may belong to an integer division if the ratio of frequency to speed differs from the integer by
-at most this number, and by at most the fraction `CLOSE` of the integer. Chosen by judgement."""
+"""A maximum may belong to an integer division if the ratio of frequency to speed is close to the integer. The
+difference may be at most this number, and at most the fraction `CLOSE` of the integer. Chosen by
+judgement."""
 
 _ANGLE_TOLERANCE = 0.02
 """Allowed difference between the angle of a multiplier and the angle implied by a division or combination, as
@@ -79,9 +80,8 @@ class MultiplierMatcher:
     which only the product identifies the mode. The pair of a mode has the angle ω̄T, up to sign and multiples
     of 2π, and the logarithmic decrement δT. All pairs are matched simultaneously so that the sum of the
     squared differences of angles and decrements, each relative to its allowed value, is smallest. Pairs with
-    the same angle may exchange energy. The allowed difference between the decrement of such a pair and that
-    of its mode is therefore increased by the distance of the pair's decrement from the mean decrement of
-    these pairs.
+    the same angle may exchange energy. For such a pair, the allowed difference of decrements is therefore
+    increased by the distance of the pair's decrement from the mean decrement of all pairs with this angle.
     """
 
     system: PeriodicSystem

@@ -145,7 +145,8 @@ def speed_sensitivities(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Sensitivities:
-    """Derivatives of edges of unstable bands, or of maxima of critical speeds, with respect to parameters.
+    """Derivatives, with respect to parameters, of the edges of unstable bands or of critical speeds at
+    maxima.
 
     Parameters
     ----------

@@ -173,9 +173,9 @@ def crosses_plus_one(multipliers: Array, error: Array) -> Array:
     """Return a mask (k,) that is True if a multiplier passes through +1 at the second of three neighbouring
     points.
 
-    `multipliers` is (3, k, N), with absolute errors `error` (3, k). A multiplier passes through +1 along the
-    real axis at the edge of an unstable range, and along the unit circle at an undamped resonance, which may
-    be surrounded by a narrow unstable range.
+    `multipliers` is (3, k, N), with absolute errors `error` (3, k). At the edge of an unstable range, a
+    multiplier passes through +1 along the real axis. At an undamped resonance, it passes through +1 along the
+    unit circle; a narrow unstable range may surround this resonance.
     """
     distance, modulus = np.abs(1 - multipliers), np.abs(multipliers)
     nearest = distance.argmin(axis=2)[..., None]

@@ -182,9 +182,9 @@ class OutputFeedback(FeedbackLoop):
         return np.concatenate((np.ones((len(phase), 1)), waves), axis=1)
 
     def signals(self, phase: Array, speed: Any) -> tuple[Array, Array, Array]:
-        """Return the coefficients (k, s, 2, n) of velocities and coordinates in the s signals that the gains
-        multiply; and C and K (k, a, n) of the equations of filters and resonators, whose M is the
-        identity."""
+        """Return three arrays. The first contains the coefficients (k, s, 2, n) of velocities and coordinates
+        in the s signals that the gains multiply. The others are C and K (k, a, n) of the equations of filters
+        and resonators; M of these equations is the identity."""
         k, n, y = len(phase), self.model.n, len(self.measured)
         rows = np.zeros((k, y, 2, self.n))
         measured = Plant(self.design, speed).rows(self.measured, phase)

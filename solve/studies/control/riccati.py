@@ -31,8 +31,9 @@ coefficients."""
 
 _ADVANCE = 7.0
 """Phase advance per step of the fastest frozen mode, on the first grid, for the tolerance `FIRST_RTOL`.
-Chosen by judgement, above the 4.2 with which the error of this mode meets the tolerance (the error constant
-2.2e-19 of order 16 times 4.2^17 is 9e-9), because grids are refined if needed."""
+Chosen by judgement. With 4.2, the error of this mode would meet the tolerance: the error constant of order 16
+is 2.2e-19, and 2.2e-19 times 4.2^17 is 9e-9. A larger value is possible because grids are refined if
+needed."""
 
 _ROUNDOFF = 1e-5
 """The solution of the difference equation is corrected if its relative residual exceeds this fraction of

@@ -43,8 +43,9 @@ def matrix_function(
     """Return a function of phases (k,) that returns symmetric matrices (k, size, size), from an array or a
     function.
 
-    Raises ValueOutOfBoundsError unless the matrices are symmetric and positive semidefinite or, if `definite`
-    is True, positive definite. They may jump only at jumps of the system, which are nodes of every grid."""
+    Raises ValueOutOfBoundsError unless the matrices are symmetric and positive semidefinite. If `definite` is
+    True, they must be positive definite. The matrices may jump only at jumps of the system, which are nodes
+    of every grid."""
     if callable(given):
         # At either end of the period, a function of the phase modulo the period may return its value at the
         # other end.
@@ -103,8 +104,8 @@ def _real(values: object) -> Array:
 
 
 def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -> None:
-    """Raise ValueOutOfBoundsError unless the matrices have this shape, are real, finite and symmetric, and
-    are positive semidefinite or, if `definite` is True, positive definite."""
+    """Raise ValueOutOfBoundsError unless the matrices have this shape and are real, finite, symmetric and
+    positive semidefinite. If `definite` is True, they must be positive definite."""
     kind = "positive definite" if definite else "positive semidefinite"
     allowed = (
         f"give a symmetric {kind} matrix of shape {shape[1:]}, a function of phases that returns such "
