@@ -74,7 +74,8 @@ _POINTS_INSIDE = 15
 speeds. Chosen by judgement."""
 
 _MAX_SPLITS = 8
-"""Maximum number of times that bands are split at stable speeds inside them. Chosen by judgement."""
+"""Maximum number of rounds in which bands are split at stable speeds inside the bands. Chosen by
+judgement."""
 
 _UNKNOWN = -2
 """State assigned to speeds without a result."""
@@ -194,8 +195,8 @@ def bands(
 
 
 def _failed_speeds_text(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
-    """Return a message that lists the speeds without a result and the reason for the first of these. Raises
-    NoResultError if no speed has a result."""
+    """Return a message that lists the speeds without a result, and states the reason for the first of these
+    speeds. Raises NoResultError if no speed has a result."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
     reason = "multipliers are within their error of the unit circle; give a smaller rtol"
     failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
@@ -205,7 +206,7 @@ def _failed_speeds_text(batch: Batch, known: StabilitySamples, unit: ShownUnit) 
 
 
 def _subdivide(speeds: Array, parts: Array) -> Array:
-    """Return ascending speeds in which each interval between `speeds` is divided into at least `parts`
+    """Return ascending speeds that divide each interval between neighbouring `speeds` into at least `parts`
     parts."""
     counts = np.maximum(np.ceil(parts * (1 - 1e-9)), 1).astype(int)
     at = np.concatenate([[0], np.cumsum(counts)])
@@ -253,8 +254,8 @@ class _UnstableRuns:
     inside: "list[StabilitySamples]" = field(default_factory=list)
 
     def bands(self, known: StabilitySamples) -> list[Band]:
-        """Return bands with refined edges. A run is split where a sample inside it is stable or of another
-        kind."""
+        """Return bands with refined edges. A run is split where a sample inside the run is stable or has
+        another kind of instability."""
         unstable_bands: list[Band] = []
         for _ in range(_MAX_SPLITS):
             unstable_bands, inside = self._search_inside(known)

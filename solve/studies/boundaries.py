@@ -27,12 +27,12 @@ _BATCH = 64
 a single point."""
 
 _MAX_TRIALS = 15
-"""Maximum number of evenly spaced trials per bracket; these reduce its width sixteenfold. Chosen by
-judgement."""
+"""Maximum number of evenly spaced trials per bracket. Fifteen trials reduce the width of a bracket to a
+sixteenth. Chosen by judgement."""
 
 _KIND_TOLERANCE = 1e-5
-"""Width of a bracket, as a fraction of the scale, at which the kind of an edge is determined. Chosen by
-judgement."""
+"""Width of a bracket, as a fraction of `BoundarySearch.scale`, at which the kind of an edge is determined.
+Chosen by judgement."""
 
 _MAX_DISTANCE, _MIN_DISTANCE, _END_MARGIN = 0.05, 1e-8, 1e-3
 """Three fractions of the width of a bracket. The first is the largest distance of the first trials from the

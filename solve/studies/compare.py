@@ -32,8 +32,8 @@ TARGETS = (1e-3, 1e-6)
 _REFERENCE_RTOL = 1e-12
 
 _BISECTION_RATIO = 1.02
-"""The bisection for the smallest sufficient number of steps ends when the ratio of its two bounds is below
-this. Chosen by judgement."""
+"""The bisection for the smallest sufficient number of steps ends when the ratio of the upper to the lower
+bound is below this number. Chosen by judgement."""
 
 _MAX_SECONDS = 2.0
 """Maximum time in seconds that one solution may take in the search for the smallest sufficient number of

@@ -72,9 +72,9 @@ class ConstantCoefficients:
     def evaluate(self, points: Array) -> StabilitySamples:
         """Return the stability at points (k, v).
 
-        The moduli of the multipliers are exact. Their angles are not: each is the frequency (rad/s) of the
-        exponent times a fixed time, not times the period. Two multipliers therefore coincide only if their
-        exponents coincide.
+        The moduli of the multipliers are exact. The angles are not exact: the frequency (rad/s) of each
+        exponent is multiplied by the fixed time `unit`, and not by the period. Two multipliers therefore
+        coincide only if their exponents coincide.
         """
         exponents, period = self.exponents(points), self.family.example.period
         growth, errors = exponents.growth * period, exponents.errors * period

@@ -137,8 +137,7 @@ def _decided(
 
 
 def _chains(count: int, ends: Array) -> list[list[int]]:
-    """Return chains of crossings from connections (k, 2). The last crossing of a closed chain is its first
-    one."""
+    """Return chains of crossings from connections (k, 2). A closed chain ends with its first crossing."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import depth_first_order
 

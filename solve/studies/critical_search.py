@@ -131,8 +131,8 @@ class CriticalSearch:
     def multiplier_maxima(
         self, speeds: Array, values: Array, results: PointResults, value: Callable[[PointResults], Array]
     ) -> list[Maximum]:
-        """Locate the maxima of `value`, a function of the multipliers, from its values (P,) at the speeds
-        (P,)."""
+        """Locate the maxima of `value`, a function of the multipliers. `values` (P,) are the values of this
+        function at the speeds (P,)."""
         maxima = peaks(values, results.errors[:, 1] * results.spectral_radius)
         trials = Trials(self.multipliers, Kept(warnings=False), results, maxima)
 

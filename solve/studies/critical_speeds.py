@@ -249,8 +249,8 @@ def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
 
 
 def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int) -> list[Critical]:
-    """Return the integer divisions of the mean frequencies, each with the same division of the frequency at
-    rest."""
+    """Return the integer divisions of the mean frequencies. Each is paired with the same division of the
+    frequency at rest."""
     return [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))

@@ -1,9 +1,9 @@
 """Warnings about a fit: residuals that are not noise, a doubtful unit, a channel with constant values, and
 duplicate rows.
 
-Residuals are not noise if neighbours are correlated. The test uses the sum of the squared autocorrelations at
-several lags, each divided by its standard deviation (G. M. Ljung, G. E. P. Box, Biometrika 65 (1978)
-297-303).
+Residuals are not noise if neighbours are correlated. Each autocorrelation is divided by its standard
+deviation; the test uses the sum of the squares for several lags (G. M. Ljung, G. E. P. Box, Biometrika 65
+(1978) 297-303).
 """
 
 from collections.abc import Mapping, Sequence

@@ -170,8 +170,8 @@ def follow_modes(
 
 
 def _method(method: str | Rule, coordinates: int) -> Method:
-    """Return the method, which must compute step maps, because eigenvectors with error estimates require
-    them. Raises StepsError for other methods."""
+    """Return the method. It must compute step maps, because eigenvectors with error estimates require step
+    maps. Raises StepsError for other methods."""
     rule = chosen(method)
     used = rule if isinstance(rule, Method) else damping(coordinates)
     if used.with_another_stage is None:

@@ -74,9 +74,9 @@ class Minimum:
 
 
 def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -> Minimum:
-    """Minimise by the trust-region reflective method, from the start of the problem. If `robust` is True,
-    large residuals contribute their moduli instead of their squares. Raises SolveError subclasses, with the
-    initial values in the message, if the residuals do not exist at the start."""
+    """Minimise the residuals by the trust-region reflective method, from the start of the problem. If
+    `robust` is True, large residuals contribute their moduli instead of their squares. Raises SolveError
+    subclasses, with the initial values in the message, if the residuals do not exist at the start."""
     from scipy.optimize import least_squares
 
     trials = _Trials(problem, _at_start(problem).shape)

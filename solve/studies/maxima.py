@@ -55,7 +55,7 @@ class Brackets:
         return Brackets(self.x[some], self.y[some])
 
     def with_heights(self, heights: Array) -> "Brackets":
-        """Brackets with the heights (k,) in the middle, where these are finite."""
+        """Brackets in which the middle heights are replaced by `heights` (k,) where these are finite."""
         y = self.y.copy()
         y[:, 1] = np.where(np.isfinite(heights), heights, y[:, 1])
         return Brackets(self.x, y)
@@ -97,11 +97,11 @@ class Trials:
 
 
 def peaks(values: Array, errors: Array) -> Array:
-    """Return the indices (k, 3) of each prominent local maximum and its nearest finite neighbours: left,
-    maximum, right.
+    """For each prominent local maximum, return the indices (k, 3) of the nearest finite value to the left, of
+    the maximum, and of the nearest finite value to the right.
 
-    `values` (P,) are NaN where unknown, and `errors` (P,) are their errors. A maximum counts as prominent if
-    its prominence exceeds both a hundredth of its height and twice its error."""
+    `values` (P,) are NaN where unknown; `errors` (P,) are the errors of these values. A maximum counts as
+    prominent if its prominence exceeds both a hundredth of its height and twice its error."""
     finite = np.flatnonzero(np.isfinite(values))
     top, prominences = find_peaks(values[finite])
     height, error = np.abs(values[finite[top]]), np.nan_to_num(errors[finite[top]], nan=0.0)

@@ -12,7 +12,7 @@ from solve.system import PeriodicSystem
 
 _PHASES, _FEW_PHASES = 64, 16
 """Number of phases for the means, and for the comparison of the means with and without C. Chosen by
-judgement: both converge exponentially."""
+judgement: means and comparison converge exponentially."""
 
 _NEAR = 0.5
 """Two frequencies count as close at a phase if the difference between them is below this fraction of the

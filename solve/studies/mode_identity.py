@@ -78,8 +78,8 @@ class _Path:
         return np.array([[sample.modes.rotation] for sample in self.samples])
 
     def partners(self) -> Array:
-        """Index (S, T) of the track that contains the complex conjugate mode: the track itself if its
-        multiplier is real, -1 if there is none."""
+        """Index (S, T) of the track that contains the complex conjugate of each track's mode. It is the index
+        of the same track if the multiplier is real, and -1 if no track contains the conjugate."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             track_of = np.full(len(sample.modes.exponents) + 1, -1)
@@ -246,8 +246,8 @@ def _crossings(
     labels: Sequence[str],
     ambiguous: Sequence[Ambiguity],
 ) -> list[Meeting]:
-    """Return the crossings of unfolded frequencies, from exponents (S, M), with values interpolated between
-    samples. Crossings of ambiguous pairs are omitted."""
+    """Return the crossings of unfolded frequencies, from exponents (S, M). The values at which they cross are
+    interpolated between samples. Crossings of ambiguous pairs are omitted."""
     crossings, frequencies = [], np.abs(np.imag(exponents))
     for first, second in itertools.combinations(range(len(labels)), 2):
         difference, pair = frequencies[:, first] - frequencies[:, second], (labels[first], labels[second])

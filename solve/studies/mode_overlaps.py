@@ -13,7 +13,7 @@ from solve.studies.mode_vectors import ModeVectors
 
 _MAX_SHIFT = 64
 """Largest difference between the harmonic numbers of a mode at two neighbouring points. Chosen by judgement.
-If speeds are 1 % apart, it suffices for frequencies up to the 6400th harmonic."""
+If speeds are 1 % apart, this limit suffices for frequencies up to the 6400th harmonic."""
 
 
 @dataclass(frozen=True)

@@ -138,8 +138,8 @@ class Search:
         return np.full(len(points), Function(self.design, self.minimise).value(points))
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
-        """Values (k,) of the objective at the speeds, for a robust objective over the deviating machines.
-        `points` are the solutions at x."""
+        """Values (k,) of the objective at the speeds. For a robust objective, they are statistics over the
+        deviating machines. `points` are the solutions at x."""
         if self.statistic is None:
             return self.values(points)
         return np.concatenate([each.values(x) for each in self._objective(x)])

@@ -69,7 +69,8 @@ class Peak:
 
 
 def _weights(values: Array) -> Array:
-    """Return the weights (3, k) of three values (3, k) in the maximum of the parabola through them."""
+    """Return weights (3, k). The sum of the three `values` (3, k), multiplied by these weights, is the
+    maximum of the parabola through the values."""
     low, middle, high = values
     slope, bend = (high - low) / 2, low - 2 * middle + high
     is_peak = bend < 0
@@ -132,8 +133,8 @@ class BandEdge:
         return -1.0 if self.is_lower else 1.0
 
     def _found(self, x: Array) -> _Edge | None:
-        """Return the edge for the design x, followed from the nearest known edge; None if the band has closed
-        on the way.
+        """Return the edge for the design x, followed from the nearest known edge. Return None if the band
+        closes before the design x is reached.
 
         Raises NoResultError if the edge is too far away.
         """
@@ -150,8 +151,8 @@ class BandEdge:
         raise NoResultError("an edge of an unstable band is too far away to be followed")
 
     def _refined(self, x: Array, known: _Edge) -> float | None:
-        """Return the edge for the design x, searched for near the prediction from a known edge; None if it is
-        not found there."""
+        """Return the edge for the design x, searched for near the prediction from a known edge. Return None
+        if no edge is found there."""
         from scipy.optimize import brentq
 
         predicted = known.speed + float(known.slopes @ (x - known.x))

@@ -28,9 +28,9 @@ SEARCH_SPREAD = 2.5
 4.3 standard deviations, with probability 1e-5, is then found by one sample in 23."""
 
 _PLAIN, _WIDE = 0.3, 0.2
-"""Fractions of the samples of a mixture that are drawn about 0 with unit standard deviation and with the
-larger `SEARCH_SPREAD`. Chosen by judgement: with these fractions, intervals for events that surround 0 in
-three dimensions contain the true value as often as other intervals."""
+"""Two fractions of the samples of a mixture, which are drawn about 0: the first with unit standard deviation,
+the second with the larger `SEARCH_SPREAD`. Chosen by judgement: with these fractions, intervals for events
+that surround 0 in three dimensions contain the true value as often as other intervals."""
 
 _FEW = 10
 """Effective number of events, (Σw)²/Σw² of their weights w (L. Kish, Survey Sampling, 1965), below which the
@@ -64,8 +64,8 @@ class Mixture(NamedTuple):
 
     @classmethod
     def about(cls, centres: Sequence[Array], dimensions: int, samples: int) -> "Mixture":
-        """Mixture for a total number of samples about 0, about 0 with a larger spread (for regions far from
-        all centres), and about the centres."""
+        """Mixture for a total number of samples. Some are drawn about 0, some about 0 with a larger spread
+        (for regions far from all centres), and the others about the centres."""
         origin = np.zeros(dimensions)
         if not len(centres):
             return cls(origin[None], np.ones(1), np.array([samples]))
@@ -137,8 +137,9 @@ def normal_variables(cube: Array) -> Array:
 
 
 def centres_of(gradient: Gradient, found: Array) -> list[Array]:
-    """Return at most `MAX_CENTRES` points of an event that are nearest to z = 0: the point reached from 0,
-    and one point for each separate group of the samples `found` (k, r) at which the event occurs."""
+    """Return at most `MAX_CENTRES` points of an event that are nearest to z = 0: the point that the search
+    reaches from z = 0, and one point for each separate group of samples. `found` (k, r) are the samples at
+    which the event occurs."""
     starts, centres = [np.zeros(found.shape[1])], []
     with suppress(SolveError):
         if gradient(starts[0])[0] > 0:

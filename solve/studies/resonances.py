@@ -315,5 +315,6 @@ def _nearest(total: float) -> int:
 
 
 def _folded(turns: Array | float) -> Array:
-    """Return the absolute distance, 0 … 1/2, of angles in fractions of 2π from the nearest integer."""
+    """Return the distances, 0 … 1/2, of `turns` from the nearest integers. `turns` are angles as fractions of
+    2π."""
     return np.abs(turns - np.round(turns))

@@ -212,8 +212,9 @@ def speed_sensitivities(
 
 
 def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
-    """Return the names of the parameters with respect to which speeds are differentiated; by default all for
-    which derivatives are available. Raises UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
+    """Return the names of the parameters with respect to which speeds are differentiated. By default, they
+    are all parameters for which derivatives are available. Raises UnknownNameError, NoDerivativeError,
+    ValueOutOfBoundsError."""
     _, differentiable = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in differentiable:
         raise ValueOutOfBoundsError(

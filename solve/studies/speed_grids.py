@@ -14,9 +14,9 @@ from solve.system import PeriodicSystem, check
 from solve.units import ShownUnit
 
 LIGHTLY_DAMPED = 0.5
-"""Instability is searched for between stable speeds if the largest modulus of a multiplier exceeds this.
-Chosen by judgement: with stronger damping, only a parametric resonance that doubles the amplitude in a period
-causes instability."""
+"""Instability is searched for between stable speeds if the largest modulus of a multiplier exceeds this
+number. Chosen by judgement: with stronger damping, only a parametric resonance that doubles the amplitude in
+a period causes instability."""
 
 INTERVALS = 40
 """Smallest number of intervals into which a range of speeds is divided: to search for narrow bands, and to
@@ -27,9 +27,9 @@ _PHASES = 16
 judgement."""
 
 DAMPED_OUT = 1e-2
-"""Modes of the frozen matrices whose multipliers have a modulus below this are ignored: they can become
-unstable only by a parametric resonance that increases the amplitude a hundredfold in a period. Chosen by
-judgement."""
+"""Modes of the frozen matrices are ignored if the modulus of their multipliers is below this number. Such
+modes can become unstable only by a parametric resonance that increases the amplitude a hundredfold in a
+period. Chosen by judgement."""
 
 _HALVINGS = 20
 """Maximum number of times that an interval in which two pairs of multipliers may pass through +1 or -1 is
@@ -41,8 +41,8 @@ before the next speed; and difference between the distances of two pairs below w
 Chosen by judgement."""
 
 Rotation = Callable[[Array], Array]
-"""Type of functions of speeds (k,) that return the angles (k,) by which the fastest relevant multiplier
-rotates per unit of 1/Ω: its frequency times the period of the phase."""
+"""Type of functions of speeds (k,). Such a function returns the angles (k,) by which the fastest relevant
+multiplier rotates per unit of 1/Ω. Each angle is the frequency of the mode times the period of the phase."""
 
 
 def no_rotation(speeds: Array) -> Array:
@@ -126,7 +126,7 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
 
 
 def without_result(speeds: Array, failed: Array, unit: ShownUnit, reason: str) -> str:
-    """Return a message with the number and the ranges of the failed speeds among ascending speeds (P,), and
+    """Return a message with the number of failed speeds, their ranges among the ascending speeds (P,), and
     the reason."""
     ranges = unit.spans((float(speeds[low]), float(speeds[high])) for low, high in runs(failed))
     of = f"of {len(speeds)} speeds"

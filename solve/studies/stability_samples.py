@@ -110,9 +110,9 @@ class StabilitySamples:
 
 
 def distances_to_instability(multipliers: Array) -> Array:
-    """Return the distances (k, 4) of multipliers (k, N) from four kinds of instability. These are the
-    smallest value of `crossing_function` for +1 and for -1, the squared distance between two pairs, and the
-    distance of a pair from the unit circle."""
+    """Return the distances (k, 4) of multipliers (k, N) from four kinds of instability. The first two columns
+    are the smallest values of `crossing_function` for +1 and for -1. The third is the squared distance
+    between two pairs, and the fourth is the distance of a pair from the unit circle."""
     rho = np.ascontiguousarray(multipliers.T)
     upper = np.imag(rho) > 0
     pairs = np.full(rho.shape[1], _UNREACHABLE)

@@ -215,8 +215,8 @@ def _machines(
 
 
 def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> Mixture:
-    """Return a mixture of densities about 0 and about the points of each event that are nearest to 0. `z` (P,
-    r) are points that are already evaluated, with the results `searched`."""
+    """Return a mixture of densities about 0 and, for each event, about the points nearest to 0 at which the
+    event occurs. `z` (P, r) are evaluated points, and `searched` contains their results."""
     centres: list[Array] = []
     for limit, event in zip(machines.limits, (searched.unstable, *searched.beyond), strict=True):
         for place in _speeds_of(event):
@@ -289,9 +289,9 @@ def _local_worst_point(
     start: Array,
     ends: tuple[Array, Array],
 ) -> tuple[float, Array]:
-    """Return the extreme value of a quantity at a speed, for parameters within the ends of their tolerances,
-    and these parameters (r,). The gradient search begins at `start`. direction: the quantity, and 1 for its
-    largest or -1 for its smallest value."""
+    """Return the extreme value of a quantity at a speed, for parameters within `ends`, and the parameters
+    (r,) with this value. The gradient search begins at `start`. `direction` contains the quantity, and 1 for
+    the largest or -1 for the smallest value."""
     from scipy.optimize import minimize
 
     design = machines.design(speed)

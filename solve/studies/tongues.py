@@ -15,7 +15,7 @@ first unstable point, or as soon as the minimum is unlikely to reach zero. Chose
 
 _TRIAL_SPACING, _MARGIN = 0.05, 1e-3
 """Distance of the outer trials from the predicted minimum, as a fraction of the bracket; and smallest
-distance of trials from the ends of the bracket, as a fraction of the first distance."""
+distance of trials from the ends of the bracket, as a fraction of the first of these two numbers."""
 
 _FROM_END = 1e-3
 """Distance of additional points from the ends of a line, as a fraction of the first or last interval. The

@@ -42,7 +42,8 @@ judgement."""
 
 
 class Tracked(Protocol):
-    """Values (k,) that must not exceed a limit, and their derivatives (k, r) with respect to x."""
+    """Functions of x: `values` (k,), which must not exceed a limit, and `slopes` (k, r), their derivatives
+    with respect to x."""
 
     def values(self, x: Array) -> Array: ...
 
@@ -121,9 +122,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class Differences:
-    """Maxima (k,) of a curve if `extrema` contains only these. If it also contains minima (l,), the
-    differences (k + l - 1,): each maximum minus the first minimum, followed by the first maximum minus each
-    further minimum."""
+    """Maxima (k,) of a curve if `extrema` contains only maxima. If `extrema` also contains minima (l,), the
+    values are differences (k + l - 1,): each maximum minus the first minimum, followed by the first maximum
+    minus each further minimum."""
 
     extrema: Sequence[Extrema]
 
@@ -178,9 +179,9 @@ class Function:
 
 
 def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> Single | Extrema:
-    """Return smooth functions of x, the largest of which is `sign` times a quantity at one speed. There is
-    one function for each relevant local maximum if `sign` times the quantity is a maximum of a signal, and
-    otherwise a single function."""
+    """Return smooth functions of x. The largest of them is `sign` times a quantity at one speed. If this
+    product is a maximum of a signal, there is one function for each relevant local maximum; otherwise, there
+    is a single function."""
     sides = {("max", 1.0): (1.0,), ("min", -1.0): (-1.0,), ("max_abs", 1.0): (1.0, -1.0)}.get(
         (quantity.figure, sign)
     )
@@ -199,8 +200,8 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
 
 
 def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> tuple[float, Array]:
-    """Return the value of a quantity at one speed, multiplied by a sign, and the derivatives (r,) of this
-    value with respect to x. Both belong to the largest extremum."""
+    """Return the value of a quantity at one speed, multiplied by `sign`, and the derivatives (r,) of this
+    product with respect to x. If several extrema are followed, the largest one is used."""
     followed = tracked(design, x, at, quantity, sign)
     values = followed.values(x)
     lead = int(values.argmax())
@@ -208,8 +209,8 @@ def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
 
 
 def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> Extrema:
-    """Return the largest local maxima of `side` times the signal `name` at one speed; several if they are
-    equally large."""
+    """Return the largest local maximum of `side` times the signal `name` at one speed, or several maxima if
+    they are equally large."""
     extrema = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
     assert isinstance(extrema, Extrema)
     values = extrema.values(x)
@@ -218,7 +219,8 @@ def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> 
 
 
 def _maxima(values: Array, least: float, period: float) -> Array:
-    """Return the phases (k,) of those local maxima, of samples over a period, that are at least `least`."""
+    """Return the phases (k,) of the local maxima that are at least `least`, from `values` at samples over a
+    period."""
     before, after = np.roll(values, 1), np.roll(values, -1)
     indices = np.flatnonzero((values >= before) & (values > after) & (values >= least))
     if not len(indices):

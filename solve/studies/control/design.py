@@ -327,8 +327,8 @@ of the same names."""
 
 
 def _vibration(controller: Controller) -> dict[str, Vibration]:
-    """Return the periodic vibration of coordinates and inputs, without and with feedback; empty if there is
-    no load.
+    """Return the periodic vibration of coordinates and inputs, without and with feedback. The result is empty
+    if there is no load.
 
     Raises SolveError subclasses if an orbit does not exist."""
     system = controller.system

@@ -215,8 +215,8 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return bounds
 
     def _about(self, linearised: PeriodicSystem) -> "FeedbackLoop":
-        """Return the closed loop with equations of the system linearised about a motion; the feedback is
-        already linear."""
+        """Return the closed loop in which the equations of the system are linearised about a motion. The
+        feedback is already linear."""
         loop = copy(self)
         loop.open_loop, loop.events, loop._kept = linearised, events_of(linearised), {}
         loop.breaks, loop.period = linearised.breaks, linearised.period

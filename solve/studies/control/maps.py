@@ -25,8 +25,8 @@ FIRST_RTOL = 1e-8
 tolerance raised to the power 1/order, where the order is that of the method."""
 
 _MOST_DOUBLINGS = 60
-"""Maximum number of doublings of the period. If they do not converge, no solution exists: with closed-loop
-multipliers of up to 1 − 1e-17, the iteration converges earlier."""
+"""Maximum number of doublings of the period. If the iteration does not converge within this number, no
+solution exists. With closed-loop multipliers of up to 1 − 1e-17, fewer doublings suffice."""
 
 _CONVERGED = 16 * EPS
 """Relative change or residual of the solution that counts as round-off. Chosen by judgement."""
@@ -39,7 +39,7 @@ _BYTES = 2**20
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
 """Type of functions of phases (k,) that return A (k, N, N), E (k, N, r) and Q (k, N, N), where G = sign E Eᵀ.
-The equation describes derivatives with respect to the phase."""
+In the Riccati equation, derivatives are with respect to the phase."""
 
 
 class Maps(NamedTuple):

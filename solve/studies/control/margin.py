@@ -17,8 +17,8 @@ from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
 
 _SCAN = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)
-"""Distances along a ray between which the boundary is sought. The last one is the largest that is searched.
-Chosen by judgement."""
+"""Distances along a ray between which the boundary is sought. The last one is the largest distance that is
+searched. Chosen by judgement."""
 
 _TURNS, _GAIN = (1.0, 0.5, 0.25, 0.1), 1e-4
 """Fractions of the rotation towards the normal of the boundary that are tried one after another, and relative

@@ -57,7 +57,8 @@ class Plant:
             )
 
     def rows(self, names: Sequence[str], phase: Array) -> Array:
-        """Return the rows C (k, y, N) of the named states and outputs at phases (k,): their linear terms C x.
+        """Return matrices C (k, y, N) at phases (k,). The products C x are the linear terms of the named
+        states and outputs.
 
         Raises UnknownNameError, and ValueOutOfBoundsError for an output that depends on accelerations."""
         system, outputs = self.system, self.require_names(names)

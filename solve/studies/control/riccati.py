@@ -46,8 +46,8 @@ the numbers of steps of successive grids. With the safety factor, the error is r
 
 _RESOLVED = 1e-7
 """Error below which a solution counts as resolved; if the error of a resolved solution no longer decreases,
-it is round-off. Larger errors can stagnate for another reason: with inputs of the harmonics 60 to 192 that
-have a small effect on X, errors of 4e-5 to 1e-6 were measured on grids that are too coarse for these
+this error is round-off. Larger errors can stagnate for another reason: with inputs of the harmonics 60 to 192
+that have a small effect on X, errors of 4e-5 to 1e-6 were measured on grids that are too coarse for these
 harmonics."""
 
 _LEAST, _MOST = 24, 6000
@@ -69,8 +69,8 @@ _STENCIL = 6
 degree 11 and order 12. Chosen by judgement."""
 
 _POINTS = 9
-"""Number of points per step for curves of the gain. Their error is proportional to the ninth power of the
-step. Chosen by judgement."""
+"""Number of points per step for curves of the gain. The error of these curves is proportional to the ninth
+power of the step. Chosen by judgement."""
 
 _BETWEEN = 0.0, (1 - np.cos(4 * np.pi / _POINTS)) / 2
 """Fractions of a step at which curves of the gain are compared with the gain: two extrema of the polynomial
@@ -78,16 +78,17 @@ that vanishes at the Chebyshev points. With the second fraction alone, an error 
 tolerance 1e-8, for inputs of the harmonic 192."""
 
 _SMALL = 1e-6
-"""Errors of entries of the gain are relative to the entry, or to this fraction of the largest entry if the
-entry is smaller, because small entries can be round-off. Chosen by judgement."""
+"""The error of an entry of the gain is relative to the entry. For entries below this fraction of the largest
+entry, it is relative to this fraction of the largest entry, because small entries can be round-off. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)
 class Riccati:
     """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, with G = sign E Eᵀ.
 
-    `coefficients` is a function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N); the
-    equation describes derivatives with respect to time. `rtol` is the relative tolerance of the solution.
+    `coefficients` is a function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N); in the
+    equation, derivatives are with respect to time. `rtol` is the relative tolerance of the solution.
     `filters` is True if the equation is that of a filter, which is the regulator of the dual system in
     reversed phase."""
 
@@ -214,8 +215,8 @@ class Solved(NamedTuple):
 
     @property
     def mirrored(self) -> "Solved":
-        """Solution with reversed phase, which converts the solution for the dual system to that of a
-        filter."""
+        """Solution with reversed phase. The reversal converts the solution for the dual system to the
+        solution for a filter."""
         nodes = self.grid.period - self.grid.nodes[::-1]
         coefficients = self.curve.coefficients[:, ::-1] @ _reversal(self.curve.coefficients.shape[-1])
         grid = Grid(nodes, np.roll(self.grid.at_break[::-1], 1))
@@ -239,8 +240,8 @@ def solve_riccati(equation: Riccati) -> Solved:
 def _errors(
     grid: Grid, curve: Curve, maps: Maps, stages: Stages, X: Array, factor: Array
 ) -> tuple[float, float]:
-    """Return the error of a curve relative to √(X_ii X_jj), and its residual. `X` (m+1, N, N) are the values
-    of the curve at the nodes; `factor` (N, N) are the units of X.
+    """Return the error of a curve relative to √(X_ii X_jj), and the residual of the curve. `X` (m+1, N, N)
+    are the values of the curve at the nodes; `factor` (N, N) are the units of X.
 
     The error e of a curve with the residual R satisfies e′ + (A − GX)ᵀe + e(A − GX) = R, up to terms of
     second order in e. Its values at the nodes are sums of ∫ΦᵀRΦ over the steps, where Φ are the states of the
@@ -329,8 +330,8 @@ def _hermite(first: int, count: int) -> Array:
     """Return the matrix (2 count, 2 count) that maps values and slopes at `count` successive integers, from
     `first`, to coefficients of powers of θ.
 
-    It is computed from products of integers, which are exact; the inverse of a Vandermonde matrix would lose
-    digits."""
+    The matrix is computed from products of integers, which are exact; the inverse of a Vandermonde matrix
+    would lose digits."""
     nodes = np.arange(first, first + count, dtype=float)
     columns = np.zeros((2 * count, 2 * count))
     for at, node in enumerate(nodes):
