@@ -57,8 +57,8 @@ _FINER = 5
 from eigenvalues, which cost less than a solution. Chosen by judgement."""
 
 _PREDICTED = 0.9
-"""A minimum of the distance from instability is searched for if the minimum that a parabola predicts is below
-this fraction of the smallest computed distance. If the distance does not depend on the speed, its minima are
+"""A minimum of the distance from instability is searched for only if a parabola predicts a value below this
+fraction of the smallest computed distance. If the distance does not depend on the speed, its minima are
 round-off. Chosen by judgement."""
 
 _MAX_ANGLE = 0.25

@@ -42,8 +42,8 @@ _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
 """Names of the result arrays that describe stability."""
 
 _PREDICTED = 0.3
-"""A minimum of the distance from instability is searched for if the minimum that a parabola predicts is below
-this fraction of the distance at the grid point. Chosen by judgement: on a coarse grid, a larger ratio gives
+"""A minimum of the distance from instability is searched for only if a parabola predicts a value below this
+fraction of the distance at the grid point. Chosen by judgement: on a coarse grid, a larger fraction gives
 more false minima."""
 
 

@@ -208,8 +208,8 @@ def _exponents(
 ) -> Array:
     """Return the growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n).
 
-    `references` are the reference coordinates of the rigid-body modes. The states are the other coordinates,
-    relative to the rigid-body motion, and all velocities."""
+    `references` are the reference coordinates of the rigid-body modes. The states are the coordinates that
+    are not in `references`, relative to the rigid-body motion, and all velocities."""
     n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in references]
     unit = inertia_units(M)
     unit[~np.isfinite(unit)] = 1.0

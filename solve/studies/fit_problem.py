@@ -33,8 +33,8 @@ polynomials of degree 8 or less, the extrapolation is exact to round-off."""
 
 @dataclass(eq=False)
 class Problem:
-    """Least-squares problem in the variables x (r,): logarithms of positive parameters, and other parameters
-    divided by the modulus of their initial value."""
+    """Least-squares problem in the variables x (r,): logarithms of positive parameters, and all other
+    parameters, each divided by the modulus of its initial value."""
 
     model: Model
     sets: Sequence[Measured]

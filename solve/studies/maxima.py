@@ -149,8 +149,8 @@ def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, toleran
 
 
 def narrow_to_height(brackets: Brackets, value: Value) -> Brackets:
-    """Return brackets narrowed until the heights meet their tolerance, for resonances that are narrower than
-    the tolerance of the speed."""
+    """Return brackets that are narrowed until the heights meet their tolerance. This serves resonances that
+    are narrower than the tolerance of the speed."""
     rise = brackets.y[:, 1] - brackets.y.min(axis=1)
     narrow = np.flatnonzero(rise > _FLAT_TOP * np.abs(brackets.y[:, 1]))
     if len(narrow) == 0:

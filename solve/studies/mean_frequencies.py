@@ -21,7 +21,8 @@ from solve.terminal import progress
 
 _TOLERANCE, _MAX_ITERATIONS = 1e-10, 10
 """Relative tolerance of the speeds of divisions, and maximum number of iterations. Means are nearly linear
-between two speeds of the grid, so that four iterations suffice; only jumps of the means reach the maximum."""
+between two speeds of the grid, so that four iterations suffice. The maximum number is reached only where a
+mean jumps."""
 
 _JUMP = 1e-2
 """Relative difference between a mean frequency and a multiple of the speed, after the iteration, above which

@@ -62,8 +62,8 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
 def _solve(
     task: Task, points: Array, at: int, results: PointResults, orbits: dict[int, NonlinearOrbit]
 ) -> None:
-    """Solve point `at`, write its results, and add its orbit to `orbits`, from which neighbouring points
-    start."""
+    """Solve point `at`, write its results, and add its orbit to `orbits`. The solutions of neighbouring
+    points start from these orbits."""
     try:
         orbit = _orbit(task, points, at, orbits)
     except LinearModelError:

@@ -33,12 +33,12 @@ judgement."""
 
 _DIFFERENCE = 1e-6
 """Relative step of the speed in the central difference for the derivative of the spectral radius at an edge.
-It is near the cube root of the round-off, which balances the errors of a central difference."""
+It is near the cube root of the round-off. This step balances the two errors of a central difference."""
 
 
 class PeakSpeed(NamedTuple):
-    """Speed of a local maximum, and the distance to the two neighbouring speeds by which the maximum is
-    followed."""
+    """Speed of a local maximum, and the distance to each of the two neighbouring speeds that are used to
+    follow the maximum."""
 
     speed: float
     spacing: float
@@ -69,8 +69,8 @@ class Peak:
 
 
 def _weights(values: Array) -> Array:
-    """Return weights (3, k). The sum of the three `values` (3, k), multiplied by these weights, is the
-    maximum of the parabola through the values."""
+    """Return weights (3, k) of `values` (3, k). The weighted sum of the three values is the maximum of the
+    parabola through them."""
     low, middle, high = values
     slope, bend = (high - low) / 2, low - 2 * middle + high
     is_peak = bend < 0
@@ -122,7 +122,7 @@ class BandEdge:
 
     @property
     def may_leave(self) -> bool:
-        """Whether the edge may leave the range within the bounds of the design: the derivatives for the
+        """Whether parameters within their bounds can move the edge out of the range. The derivatives for the
         initial design must predict at least half of the required shift."""
         (distance,), (slopes,) = self.values(self.x), self.slopes(self.x)
         decrease = float(np.maximum(slopes * self.x, slopes * (self.x - 1)).sum())

@@ -52,8 +52,9 @@ Fit = tuple[float, Combination]
 
 
 class Label(NamedTuple):
-    """Maximum with the resonances that may explain it: integer divisions, given as mode (from 1) and order
-    per revolution, or combinations. If several explain it equally well, all are listed."""
+    """Maximum with the resonances that may explain it. They are either integer divisions, given as mode (from
+    1) and order per revolution, or combinations. If several resonances explain the maximum equally well, all
+    are listed."""
 
     maximum: Maximum
     divisions: set[tuple[int, int]]

@@ -104,9 +104,9 @@ def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> A
 
 
 def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, float]:
-    """Return the lowest and the highest speed (rad/s) with valid matrices, among ascending speeds and speeds
-    that divide their range evenly. If the matrices are valid at no speed, raises the exception for the
-    highest speed."""
+    """Return the lowest and the highest speed (rad/s) with valid matrices. The ascending `speeds`, and speeds
+    that divide their range evenly, are tested. If the matrices are valid at no speed, raise the exception for
+    the highest speed."""
     evenly = np.linspace(speeds[0], speeds[-1], INTERVALS + 1)
     candidates = np.unique(np.concatenate((speeds, evenly))).tolist()
     errors: list[SolveError] = []
@@ -126,8 +126,8 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
 
 
 def without_result(speeds: Array, failed: Array, unit: ShownUnit, reason: str) -> str:
-    """Return a message with the number of failed speeds, their ranges among the ascending speeds (P,), and
-    the reason."""
+    """Return a message with the number of failed speeds, their ranges, and the reason. `speeds` (P,) are
+    ascending."""
     ranges = unit.spans((float(speeds[low]), float(speeds[high])) for low, high in runs(failed))
     of = f"of {len(speeds)} speeds"
     return f"{counted(failed.sum(), f'{of} has', f'{of} have')} no result, {ranges}: {reason}"

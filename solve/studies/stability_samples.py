@@ -151,11 +151,11 @@ def crossing_function(multipliers: Array, sign: int) -> Array:
 
 def coalescence_distance(multipliers: Array, leading: Array) -> Array:
     """Return the signed distance (k,) from coalescence of two multipliers: the one with the index `leading`
-    (k,) among `multipliers` (k, N), and its partner. The distance is the square of half the difference of the
-    two, divided by the modulus of their product.
+    (k,) among `multipliers` (k, N), and its partner. The distance is the square of half their difference,
+    divided by the modulus of their product.
 
-    It is negative for conjugate pairs, positive for real pairs, and passes smoothly through zero where the
-    two multipliers meet on the real axis.
+    The distance is negative for conjugate pairs, positive for real pairs, and passes smoothly through zero
+    where the two multipliers meet on the real axis.
     """
     rows = np.arange(len(leading))
     rho = multipliers[rows, leading]

@@ -47,8 +47,8 @@ _MOST_STEPS = 40
 """Maximum number of evaluations in the search for a worst point. Chosen by judgement."""
 
 _STARTS = 3
-"""A worst point is sought from this number of the worst samples. Chosen by judgement: several are needed
-because maxima may be local."""
+"""A worst point is sought from this number of the worst samples. Chosen by judgement: several samples are
+needed because maxima may be local."""
 
 _NO_VALUE = 2.0
 """Objective of points without a result. The objective at the start is 1 or -1, so that no line search accepts

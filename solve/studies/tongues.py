@@ -19,8 +19,8 @@ distance of trials from the ends of the bracket, as a fraction of the first of t
 
 _FROM_END = 1e-3
 """Distance of additional points from the ends of a line, as a fraction of the first or last interval. The
-distance to instability then changes by about 1e-3 of its value, which exceeds the errors of multipliers at
-the default tolerance 1e-8."""
+distance to instability then changes by about 1e-3 of its value. This change exceeds the errors of multipliers
+at the default tolerance 1e-8."""
 
 
 def near_ends(values: Array) -> Array:

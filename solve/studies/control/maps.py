@@ -21,8 +21,8 @@ FROZEN_PHASES = 48
 """Number of phases at which frozen modes are computed. Chosen by judgement."""
 
 FIRST_RTOL = 1e-8
-"""Tolerance for which the phase advances per step of the first grid are stated. They are proportional to the
-tolerance raised to the power 1/order, where the order is that of the method."""
+"""Tolerance for which the phase advances per step of the first grid are stated. Phase advances are
+proportional to the tolerance raised to the power 1/order, where the order is that of the method."""
 
 _MOST_DOUBLINGS = 60
 """Maximum number of doublings of the period. If the iteration does not converge within this number, no
@@ -134,7 +134,7 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 
 
     Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, if the
     inputs w at the stages make the sum of xᵀQx + sign wᵀw over the stages stationary (W. W. Hager, Numer.
-    Math. 87 (2000) 247-282). The latter has half as many unknowns."""
+    Math. 87 (2000) 247-282). Collocation of the states alone has half as many unknowns."""
     method = Gauss(order).stages
     s, phases = len(method.c), grid.stages(np.array(method.c))
     A, E, Q = coefficients(phases.ravel())

@@ -40,8 +40,8 @@ _ROUNDOFF = 1e-5
 rtol. Chosen by judgement."""
 
 _MARGIN, _GROWTH = 1.1, 2.0
-"""Safety factor on the number of steps predicted from the order of the interpolant, 12; and largest ratio of
-the numbers of steps of successive grids. With the safety factor, the error is reduced at least to
+"""Safety factor on the number of steps, which is predicted from the order 12 of the interpolant; and largest
+ratio of the numbers of steps of successive grids. With the safety factor, the error is reduced at least to
 1.1^-12 = 0.32 of the tolerance if the order is attained. Both numbers are chosen by judgement."""
 
 _RESOLVED = 1e-7

@@ -123,7 +123,7 @@ def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -
 def named_numbers(
     name: str, given: Mapping[str, float], allowed: Sequence[str], positive: bool
 ) -> dict[str, float]:
-    """Return the mapping with its names and numbers checked. Raises UnknownNameError, and
+    """Return the mapping `given` after its names and numbers are checked. Raises UnknownNameError, and
     ValueOutOfBoundsError for negative numbers and, if `positive` is True, for zeros."""
     numbers = {}
     for key, value in given.items():
