@@ -113,8 +113,8 @@ def compare(
 
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
-    """Return four numbers of steps from the series 1, 2, 5, 10, … near ω_max T, the number with which ω_max h
-    = 1."""
+    """Return four numbers of steps from the series 1, 2, 5, 10, … near ω_max T, which is the number of steps
+    for ω_max h = 1."""
     phase_advance = max(float(frozen(SinglePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * phase_advance)

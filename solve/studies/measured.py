@@ -33,7 +33,7 @@ _PHASE, _POSITION = "_phase", "position"
 ENDINGS = ".csv", ".mat", ".uff", ".unv"
 
 AXES = {"phase": "rad", "time": "s", "order": "1", "mode": "1"}
-"""Allowed names of the column of the independent variable, with their units."""
+"""Mapping from the allowed names of the independent variable to their units."""
 
 _ABSCISSAS = {"s": "time", "deg": "phase", "rad": "phase", "order": "order", "1": "order"}
 """Mapping from labels of units in universal files to names of the independent variable."""
@@ -252,8 +252,8 @@ def compared_at_speed(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
 
 
 def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
-    """Return complex amplitudes (k,) of orders. If `angles` is False, their moduli are returned instead,
-    except that the mean keeps its sign."""
+    """Return complex amplitudes (k,) of orders. If `angles` is False, moduli are returned instead, except
+    that the mean keeps its sign."""
     size, angle = orbit.harmonics(name, round(orders.max()))
     at = np.round(orders).astype(int)
     return (size * np.exp(1j * angle))[at] if angles else size[at]

@@ -331,8 +331,8 @@ class Step:
         return abs(turns - round(turns)) * modes.rotation <= limit < abs((one - other).real)
 
     def _is_released(self, track: int, near: Collection[int]) -> bool:
-        """Return whether a held track can be compared with the last sample again: its eigenvector is no
-        longer mixed, or the earlier sample is too different."""
+        """Return whether a held track can be compared with the last sample again. This is the case if the
+        eigenvector of the track is no longer mixed, or if the earlier sample is too different."""
         mode = self.modes[track]
         is_real = mode >= 0 and track in self.tracks.twins and self.sample.modes.partners[mode] == mode
         if any(track in pair for pair in self.tracks.locked):

@@ -260,8 +260,8 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
 
 
 def _contradictions(search: Search, best: State, value: float, points: Sequence[DesignPoint]) -> list[str]:
-    """Return sentences on the objective and the bounds where nonlinear orbits contradict the linear model.
-    `value` is the objective of the nonlinear orbits."""
+    """Return sentences on the objective, and on the bounds, for which nonlinear orbits contradict the linear
+    model. `value` is the objective of the nonlinear orbits."""
     doubts, minimised = [], search.minimise
     linear = float(search.values(search.design.points(best.x)).max())
     if abs(value - linear) > ACCEPTABLE_ERROR * max(abs(value), abs(linear)):

@@ -106,7 +106,7 @@ class Search:
         self._evaluate_kept()
 
     def _evaluate_kept(self) -> None:
-        """Evaluate the quantities to be kept unchanged, whose initial values depend only on the start and the
+        """Evaluate the quantities to be kept unchanged. Their initial values depend only on the start and the
         speeds."""
         self.kept_values = KeptValues(self.design, self.kept)
         self.equations, self.kept_limits = self.kept_values.equations(), self.kept_values.limits()

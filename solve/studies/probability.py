@@ -160,9 +160,9 @@ def centres_of(gradient: Gradient, found: Array) -> list[Array]:
 
 
 def _nearest(gradient: Gradient, z: Array) -> Array | None:
-    """Return the point of an event that is nearest to z = 0, by the iteration of A. M. Hasofer and N. C. Lind
-    (J. Eng. Mech. Div. ASCE 100 (1974) 111-121) and R. Rackwitz and B. Fiessler (Comput. Struct. 9 (1978)
-    489-494), started from `z`; None if the iteration does not converge."""
+    """Return the point nearest to z = 0 at which an event occurs; None if the iteration does not converge.
+    The iteration starts from `z`; it is that of A. M. Hasofer and N. C. Lind (J. Eng. Mech. Div. ASCE 100
+    (1974) 111-121) and R. Rackwitz and B. Fiessler (Comput. Struct. 9 (1978) 489-494)."""
     for _ in range(_STEPS):
         try:
             margin, slopes = gradient(z)

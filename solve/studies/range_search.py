@@ -32,14 +32,14 @@ _SPEED_TOLERANCE = 1e-5
 of the error of the speed. Chosen by judgement."""
 
 _DROP = 1e-3
-"""Relative decrease of the value from a maximum to the two neighbouring speeds by which it is followed. This
-decrease applies while maxima are added. Afterwards, √rtol is used, which balances the errors of the orbits
-and of the parabola. Chosen by judgement."""
+"""Relative decrease of the value from a maximum to the two neighbouring speeds that are used to follow it.
+This decrease applies while maxima are added. Afterwards, √rtol is used, which balances the errors of the
+orbits and of the parabola. Chosen by judgement."""
 
 _SPACING, _WIDER = (1e-4, 1e-2), 10.0
-"""Smallest and largest distance, relative to the speed, between a maximum and the two neighbouring speeds by
-which it is followed. The decrease of the value is computed at the smallest distance multiplied by the third
-number. Chosen by judgement."""
+"""Smallest and largest distance, relative to the speed, between a maximum and the two neighbouring speeds
+that are used to follow it. The decrease of the value is computed at the smallest distance multiplied by the
+third number. Chosen by judgement."""
 
 _SAME_PEAK = 4.0
 """A new maximum replaces a previous one if the distance between them is at most this multiple of the spacing

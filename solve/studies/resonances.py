@@ -199,7 +199,7 @@ class MultiplierMatcher:
     def _assignments(
         self, pair: int, others: list[int], low: int, high: int, signed_order: int
     ) -> list[dict[int, int]]:
-        """Return those assignments of modes to pairs of multipliers for which the combination of the modes
+        """Return the assignments of modes to pairs of multipliers with which the combination of the modes
         `low` and `high` can excite `pair`. Two different modes require a second pair at the same angle, one
         of `others`."""
         if low != high:
