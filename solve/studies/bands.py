@@ -1,10 +1,10 @@
 """Unstable bands: ranges of speed in which the motion is unstable, with refined edges.
 
 Fast modes that are not damped out cannot be resolved at many speeds. The axial vibration of an undamped steel
-link has a phase advance of thousands of radians per revolution of the crank. The angles of its multipliers
-change by as much over the range of speeds. Only bands of the slow modes are then searched for.
-Radau's method damps out unresolved modes and preserves the slow ones: a multiplier belongs to a slow mode if
-two grids agree on it.
+link has a phase advance of thousands of radians per revolution of the crank. Over the range of speeds, the
+angles of its multipliers change by a similar amount. For such systems, only the bands of slow modes are
+searched for. Radau's method damps out unresolved modes and preserves slow modes. A multiplier on which two
+grids agree belongs to a slow mode.
 """
 
 from collections.abc import Sequence
@@ -53,12 +53,12 @@ _MAX_INTERVALS = 2000
 Chosen by judgement."""
 
 _FINER = 5
-"""Number of parts into which each interval is divided if the matrices are constant: eigenvalues cost less
-than a solution. Chosen by judgement."""
+"""Number of parts into which each interval is divided if the matrices are constant. Stability then follows
+from eigenvalues, which cost less than a solution. Chosen by judgement."""
 
 _PREDICTED = 0.9
-"""A minimum of the distance from instability is searched for if the minimum that a parabola predicts is below
-this fraction of the smallest computed distance. If the distance does not depend on the speed, its minima are
+"""A minimum of the distance from instability is searched for only if a parabola predicts a value below this
+fraction of the smallest computed distance. If the distance does not depend on the speed, its minima are
 round-off. Chosen by judgement."""
 
 _MAX_ANGLE = 0.25
@@ -74,7 +74,8 @@ _POINTS_INSIDE = 15
 speeds. Chosen by judgement."""
 
 _MAX_SPLITS = 8
-"""Maximum number of times that bands are split at stable speeds inside them. Chosen by judgement."""
+"""Maximum number of rounds in which bands are split at stable speeds inside the bands. Chosen by
+judgement."""
 
 _UNKNOWN = -2
 """State assigned to speeds without a result."""
@@ -84,8 +85,8 @@ _MAX_PHASE_ADVANCE = 128.0
 step of the finer grid."""
 
 _STEPS, _AGREEMENT = (192, 256), 1e-4
-"""Numbers of steps of the two grids on which slow modes are solved, and largest difference between the two
-values of a multiplier that counts as resolved. Chosen by judgement."""
+"""Numbers of steps of the two grids on which slow modes are solved; and the difference between the two grids'
+values of a multiplier below which the multiplier counts as resolved. Chosen by judgement."""
 
 
 @of_system
@@ -130,12 +131,13 @@ def bands(
     Notes
     -----
     Speeds are added, up to about 2000, until there are at least 40 intervals and no multiplier of modulus
-    above 0.01 rotates by more than 0.25 rad from one speed to the next. Narrower bands are searched where
-    multipliers come closest to each other, to +1 and to -1. They may still be missed, as may a stable range
-    narrower than a sixteenth of the unstable range around it. Growth below 1e-6 per period does not count as
-    instability. If M, C and K are constant over the period, eigenvalues decide on a grid of at least 200
-    intervals. If the phase advance of lightly damped modes is too large to be resolved at many speeds, `auto`
-    searches only the bands of the slower modes, with a note.
+    above 0.01 rotates by more than 0.25 rad from one speed to the next. Bands narrower than the intervals are
+    searched for where two multipliers come closest to each other, and where a multiplier comes closest to +1
+    or to -1. Narrow bands may still be missed, as may a stable range narrower than a sixteenth of the
+    unstable range around it. Growth below 1e-6 per period does not count as instability. If M, C and K are
+    constant over the period, stability is computed from eigenvalues on a grid of at least 200 intervals. If
+    lightly damped modes are too fast to be resolved at many speeds, `auto` searches only for the bands of the
+    slower modes, and adds a note to the result.
 
     Examples
     --------
@@ -193,8 +195,8 @@ def bands(
 
 
 def _failed_speeds_text(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
-    """Return a message that lists the speeds without a result and the reason for the first of these. Raises
-    NoResultError if no speed has a result."""
+    """Return a message that lists the speeds without a result, and states the reason for the first of these
+    speeds. Raises NoResultError if no speed has a result."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
     reason = "multipliers are within their error of the unit circle; give a smaller rtol"
     failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
@@ -204,7 +206,7 @@ def _failed_speeds_text(batch: Batch, known: StabilitySamples, unit: ShownUnit) 
 
 
 def _subdivide(speeds: Array, parts: Array) -> Array:
-    """Return ascending speeds in which each interval between `speeds` is divided into at least `parts`
+    """Return ascending speeds that divide each interval between neighbouring `speeds` into at least `parts`
     parts."""
     counts = np.maximum(np.ceil(parts * (1 - 1e-9)), 1).astype(int)
     at = np.concatenate([[0], np.cumsum(counts)])
@@ -214,8 +216,9 @@ def _subdivide(speeds: Array, parts: Array) -> Array:
 def _refine_near_coalescence(
     evaluate: Evaluate, known: StabilitySamples, rotation: Rotation
 ) -> StabilitySamples:
-    """Add samples where the angle between two multipliers is smaller than their possible rotation between two
-    speeds. Successive coalescences then have separate minima of the distance."""
+    """Add samples between speeds at which the angle between two multipliers is so small that they may
+    coalesce before the next speed. The distance from instability then has a separate minimum for each of
+    several successive coalescences."""
     for _ in range(_HALVINGS):
         speeds, distance = known.points[:, 0], _least_angle(known.multipliers)
         turned = -np.diff(1 / speeds) * rotation(speeds[1:])
@@ -251,8 +254,8 @@ class _UnstableRuns:
     inside: "list[StabilitySamples]" = field(default_factory=list)
 
     def bands(self, known: StabilitySamples) -> list[Band]:
-        """Return bands with refined edges. A run is split where a sample inside it is stable or of another
-        kind."""
+        """Return bands with refined edges. A run is split where a sample inside the run is stable or has
+        another kind of instability."""
         unstable_bands: list[Band] = []
         for _ in range(_MAX_SPLITS):
             unstable_bands, inside = self._search_inside(known)
@@ -262,8 +265,8 @@ class _UnstableRuns:
         return unstable_bands
 
     def _search_inside(self, known: StabilitySamples) -> tuple[list[Band], StabilitySamples]:
-        """Return the bands, and the new samples inside runs that must be split because they contain samples
-        of several kinds."""
+        """Return the bands, and the new samples inside those runs that contain samples of several states.
+        These runs must be split."""
         state = _state(known)
         changes = np.flatnonzero(np.diff(state))
         speeds = known.points[:, 0]
@@ -288,9 +291,9 @@ class _UnstableRuns:
         return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
-        """Evaluate additional samples inside runs between the speeds `low` and `high` (k,). Return the
-        samples and a mask (k,) of the runs in which a sample differs from the state of its run in `states`
-        (k,)."""
+        """Evaluate additional samples inside k runs, which extend from the speeds `low` (k,) to `high` (k,)
+        and have the states `states` (k,). Return the samples, and a mask (k,) of the runs in which a sample
+        has another state than the run."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
         self.inside.append(looked)
@@ -309,8 +312,8 @@ class _UnstableRuns:
         return cached[:, 0], cached[:, 1].astype(bool)
 
     def _borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
-        """Return the speeds (k,) at which the state changes, and a mask (k,) that is True where the
-        neighbouring speed has no result. The border is then the last unstable speed."""
+        """Return the speeds (k,) at which the state changes, and a mask (k,) that is True if the speed on one
+        side of a change has no result. In this case, the last unstable speed is returned for the change."""
         low, high = known[changes], known[changes + 1]
         borders = np.empty(len(changes))
         search = BoundarySearch(self.evaluate, self.highest, self.tolerance)
@@ -355,7 +358,7 @@ def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int
 def _evaluator_of_slow_modes(batch: Batch) -> Evaluate:
     """Return a function that evaluates stability from the slow modes only. The method of the batch is
     Radau's. A point is unstable if a multiplier on which both grids agree lies outside the unit circle by
-    more than the difference between the grids."""
+    more than the difference between its values on the two grids."""
 
     def on_grid(points: Array, steps: int) -> Array:
         with progress.subtask(POINTS, len(points) / len(_STEPS)):

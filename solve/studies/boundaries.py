@@ -1,5 +1,5 @@
-"""Search for stability boundaries on many lines simultaneously. The lines lie in the space of the quantities
-that a family of systems varies.
+"""Search for stability boundaries on many lines simultaneously. The lines lie in the space of the varied
+quantities of a family of systems.
 
 SciPy's `find_root` evaluates one trial per bracket and iteration, and abandons a bracket at the first NaN.
 Here each bracket has several trials per iteration if there are few brackets. The verdict at a trial, not only
@@ -27,12 +27,12 @@ _BATCH = 64
 a single point."""
 
 _MAX_TRIALS = 15
-"""Maximum number of evenly spaced trials per bracket; these reduce its width sixteenfold. Chosen by
-judgement."""
+"""Maximum number of evenly spaced trials per bracket. Fifteen trials reduce the width of a bracket to a
+sixteenth. Chosen by judgement."""
 
 _KIND_TOLERANCE = 1e-5
-"""Width of a bracket, as a fraction of the scale, at which the kind of an edge is determined. Chosen by
-judgement."""
+"""Width of a bracket, as a fraction of `BoundarySearch.scale`, at which the kind of an edge is determined.
+Chosen by judgement."""
 
 _MAX_DISTANCE, _MIN_DISTANCE, _END_MARGIN = 0.05, 1e-8, 1e-3
 """Three fractions of the width of a bracket. The first is the largest distance of the first trials from the
@@ -41,12 +41,13 @@ third is the smallest distance of trials from the ends, unless the spacing of th
 judgement."""
 
 _PREDICTION_ERROR = 0.2
-"""Assumed error of a parabola's zero, as a fraction of the distance between this zero and that of the chord.
+"""Assumed error of a parabola's zero, as a fraction of the distance from this zero to the zero of the chord.
 Chosen by judgement."""
 
 _EXPONENTS = np.array([2.0, 1.0, 0.5])
-"""Exponents that scale the distances of the pairs of trials around a predicted edge: the first pair is closer
-than the predicted error, the last pair farther. Chosen by judgement."""
+"""Exponents of the distances of the pairs of trials around a predicted edge. Each distance is the predicted
+error, a number below 1, raised to one exponent: the first pair is closer than the error, and the last pair is
+farther. Chosen by judgement."""
 
 _SUFFICIENT = 0.4
 """Distance of trials from the predicted edge, as a fraction of the tolerance, below which no further trial is
@@ -57,12 +58,12 @@ _COMPLEX = KINDS.index("complex")
 
 Prediction = Callable[["Brackets", Array], tuple[Array, Array]]
 """Type of functions that predict an edge in each of k brackets, from the brackets and the indices (k,) of
-their lines. They return the fractions (k,) of the brackets at which the edges are predicted, and the errors
-(k,) of these fractions."""
+their lines. Such a function returns the positions (k,) of the edges, each as a fraction of the width of its
+bracket, and the errors (k,) of these fractions."""
 
 Differs = Callable[[StabilitySamples, Array], Array]
-"""Type of functions of k samples and the indices (k,) of their lines. They return a mask (k,) of the samples
-on the same side of the edge as the high end of their bracket."""
+"""Type of functions of k samples and the indices (k,) of their lines. Such a function returns a mask (k,) of
+the samples that lie on the same side of the edge as the high end of the bracket."""
 
 
 class Brackets(NamedTuple):
@@ -74,7 +75,7 @@ class Brackets(NamedTuple):
     beyond: StabilitySamples
 
     def select(self, lines: Array) -> "Brackets":
-        """Brackets on the selected lines (k,)."""
+        """Brackets on the lines with the indices `lines` (k,)."""
         return Brackets(*(end[lines] for end in self))
 
     def replaced(self, lines: Array, others: "Brackets") -> "Brackets":
@@ -89,7 +90,7 @@ class Brackets(NamedTuple):
 
     @property
     def kinds(self) -> Array:
-        """Indices in KINDS (E,) of the kind of instability in each bracket: a multiplier passes through +1 or
+        """Indices (E,) in KINDS of the kind of instability in each bracket: a multiplier passes through +1 or
         -1, or (_COMPLEX) a complex multiplier leaves the unit circle."""
         passes = (self.low.distances[:, :2] > 0) & (self.high.distances[:, :2] < 0)
         return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
@@ -114,8 +115,8 @@ class Lines:
         return first[same], last[same]
 
     def changes(self) -> tuple[Array, Brackets]:
-        """Return the indices (c,) of the lines of all changes of stability between neighbouring samples, and
-        the brackets (c,) of these changes with the stable end first."""
+        """Return the line indices (c,) and the brackets (c,) of the c changes of stability between
+        neighbouring samples. The low end of each bracket is stable."""
         samples, (first, last) = self.samples, self.neighbours
         failed = samples.failed[first] | samples.failed[last]
         changes = (samples.unstable[first] != samples.unstable[last]) & ~failed
@@ -147,9 +148,9 @@ class BoundarySearch:
     ) -> Brackets:
         """Narrow brackets (E,) to a tolerance; the default is that of the search.
 
-        Without a prediction, trials are evenly spaced between the ends. With a prediction they lie on both
-        sides of the predicted edge: closer after trials that enclosed the edge, farther after trials that
-        missed it.
+        Without a prediction, trials are evenly spaced between the ends. With a prediction, trials lie on both
+        sides of the predicted edge. The next trials lie closer to the edge if the last trials enclosed it,
+        and farther if they missed it.
         """
         width = (self.tolerance if tolerance is None else tolerance) * self.scale
         width = np.maximum(width, np.finfo(float).tiny)
@@ -188,8 +189,8 @@ class BoundarySearch:
         """Return the positions (E, v) and kinds (E,) of the edges between E stable and E unstable samples. A
         position is NaN if a failed point lies between the two samples. For `beyond`, see `Brackets`.
 
-        Where a multiplier passes through +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes. Unlike
-        moduli, these determinants pass through zero smoothly.
+        Where a multiplier passes through +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes. These
+        determinants pass through zero smoothly, whereas the modulus of a multiplier need not vary smoothly.
         """
         if len(stable) == 0:
             return stable.points, np.zeros(0, dtype=int)
@@ -224,8 +225,8 @@ class BoundarySearch:
         return len(widths) * count * max(1.0, np.ceil(iterations))
 
     def crossings(self, *sets_of_lines: Lines) -> list[Crossings]:
-        """Locate the changes of stability between neighbouring samples on lines; one result for each set of
-        lines. Changes next to failed points are omitted.
+        """For each set of lines, locate the changes of stability between neighbouring samples. Changes next
+        to failed points are omitted.
 
         A stable interval between two unstable neighbours is located only if one neighbour has a multiplier
         beyond +1, and the other has a multiplier beyond -1.
@@ -250,8 +251,8 @@ class BoundarySearch:
         return crossings
 
     def sign_changes(self, low: StabilitySamples, high: StabilitySamples, kind: int) -> Brackets:
-        """Return brackets (E,), narrowed to the tolerance, in which the crossing function of +1 (kind 0) or
-        -1 (kind 1) changes its sign. `low` and `high` (E,) are the samples at the initial ends."""
+        """Return brackets (E,), narrowed to the tolerance, of sign changes of the crossing function of +1
+        (kind 0) or -1 (kind 1). `low` and `high` (E,) are the samples at the initial ends."""
 
         def passed(samples: StabilitySamples, lines: Array) -> Array:
             return samples.distances[:, kind] * high.distances[lines, kind] > 0
@@ -290,15 +291,16 @@ class BoundarySearch:
 
 
 def _trial_distances(predicted: Array) -> Array:
-    """Return ascending distances (E, k) of the trial points from the predicted edges. They include
-    `predicted` (E,), the distances at which the edges are expected; k is above 1 if there are few lines."""
+    """Return ascending distances (E, k) of the trial points from the predicted edges. `predicted` (E,) are
+    the distances at which the edges are expected; the result includes these. If there are few lines, k is
+    above 1."""
     pairs = min(len(_EXPONENTS), max(1, _BATCH // (2 * len(predicted))))
     return predicted[:, None] ** (_EXPONENTS[:pairs] if pairs > 1 else 1.0)
 
 
 def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
     """Return fractions (E, 2k) of the brackets on both sides of `centre` (E, 1), at the distances `radii` (E,
-    k), or at `minimum` (E, 1) where this is larger."""
+    k). Distances below `minimum` (E, 1) are replaced by `minimum`."""
     radii = np.maximum(radii, minimum)
     margin = np.minimum(_END_MARGIN, radii[:, :1])
     fractions = np.column_stack((centre - radii[:, ::-1], centre + radii))
@@ -306,7 +308,7 @@ def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
 
 
 def _next_distances(radii: Array, first: Array) -> Array:
-    """Return the expected distances (E,) of the edges from their next predictions.
+    """Return the distances (E,) at which the edges are expected from their next predictions.
 
     `radii` (E, k) are the distances of the last trials on either side of the prediction; `first` (E,) are the
     indices of the first trials beyond the edge.
@@ -319,9 +321,9 @@ def _next_distances(radii: Array, first: Array) -> Array:
 
 
 def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Brackets:
-    """Return brackets (E,) narrowed by trials, the same number in each bracket. The new high end is the trial
-    with index `first` (E,), or the old high end if there is no such trial. The new low end is the preceding
-    trial, and the point outside is a neighbour of the two ends."""
+    """Return brackets (E,) narrowed by trials. All brackets have the same number of trials. The new high end
+    is the trial with index `first` (E,), or the old high end if there is no such trial. The new low end is
+    the point before the new high end. The new point outside the bracket is the next point on either side."""
     count = len(brackets.low)
     samples = brackets.low + trials + brackets.high
     inside, line = len(trials) // count, np.arange(count)
@@ -335,10 +337,11 @@ def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Bra
 
 
 def _parabolic_prediction(columns: Array) -> Prediction:
-    """Return a function that predicts edges from the crossing values, whose column for each line is given by
-    `columns` (E,). The prediction is the zero of the parabola through three points, or of the chord if there
-    are only two points. The assumed error is a fraction of the distance between the two zeros. If the sign
-    does not change, for example because of another edge inside the bracket, the midpoint is predicted."""
+    """Return a function that predicts edges from the crossing values of samples. For each line, `columns`
+    (E,) is the index of the column of crossing values. The prediction is the zero of the parabola through
+    three points, or of the chord if there are only two points. The assumed error is a fraction of the
+    distance between the zeros of the parabola and the chord. If the sign does not change, for example because
+    of another edge inside the bracket, the midpoint is predicted."""
 
     def predict(brackets: Brackets, lines: Array) -> tuple[Array, Array]:
         low, high, beyond = brackets

@@ -39,11 +39,11 @@ from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, speed_in_si, speeds_given
 
 _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
-"""Names of the arrays of results that describe stability."""
+"""Names of the result arrays that describe stability."""
 
 _PREDICTED = 0.3
-"""A minimum of the distance from instability is searched for if the minimum that a parabola predicts is below
-this fraction of the distance at the grid point. Chosen by judgement: on a coarse grid, a larger ratio gives
+"""A minimum of the distance from instability is searched for only if a parabola predicts a value below this
+fraction of the distance at the grid point. Chosen by judgement: on a coarse grid, a larger fraction gives
 more false minima."""
 
 
@@ -70,8 +70,9 @@ def chart(
     Parameters
     ----------
     model : str, PeriodicSystem or callable
-        Name or path of a model; a system, of which parameters can be varied if it is generated, otherwise
-        only the speed; or a function that builds a system from the two values, given as keyword arguments.
+        Name or path of a model; a system; or a function that builds a system from the two values, which are
+        its keyword arguments. The parameters of a system can be varied only if its equations are generated;
+        of any other system, only the speed can be varied.
     x, y : str or mapping of str to values
         Parameter, or "speed", with its values: a mapping {name: values}, with values in the model's unit or
         as strings with a unit; or a string such as "delta=0:10:60", "k1=10:90:50 kN m/rad" or
@@ -95,8 +96,8 @@ def chart(
     of : str, optional
         Quantity shown in the chart, such as "q3.max_abs" or "rho1.re".
     prove : bool
-        Whether to prove verdicts on boxes that cover the chart, for models with generated matrices. This
-        requires python-flint.
+        Whether to prove verdicts on boxes that cover the chart. This requires a model with generated
+        matrices, and python-flint.
 
     Returns
     -------
@@ -326,8 +327,8 @@ def _boundaries(
     axes, index = (chart.x, chart.y), np.arange(len(known.points)).reshape(chart.shape)
 
     def lines(index: Array, along: int) -> Lines:
-        """Return the lines through the grid points `index`, including unstable points found between these
-        points."""
+        """Return the lines through the grid points with the indices `index`. Unstable points that are found
+        between grid points are included in the lines."""
         middle, stride = index[:, 1:-1], (1, len(chart.x))[along]
         tongues = find_narrow_tongues(search.evaluate, known, middle.ravel(), stride, _PREDICTED)
         samples, searched = known + tongues, np.zeros(middle.shape, dtype=bool)

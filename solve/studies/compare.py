@@ -32,8 +32,8 @@ TARGETS = (1e-3, 1e-6)
 _REFERENCE_RTOL = 1e-12
 
 _BISECTION_RATIO = 1.02
-"""The bisection for the smallest sufficient number of steps ends when the ratio of its two bounds is below
-this. Chosen by judgement."""
+"""The bisection for the smallest sufficient number of steps ends when the ratio of the upper to the lower
+bound is below this number. Chosen by judgement."""
 
 _MAX_SECONDS = 2.0
 """Maximum time in seconds that one solution may take in the search for the smallest sufficient number of
@@ -45,8 +45,8 @@ _MAX_REPEAT_SECONDS = 0.1
 started. Chosen by judgement."""
 
 _BEYOND = 1e-3
-"""Rows with doubled steps are added until the error is this fraction of the smallest target, so that a figure
-shows the trend. Chosen by judgement."""
+"""Rows with doubled steps are added until the error falls to this fraction of the smallest target. A figure
+then shows the trend. Chosen by judgement."""
 
 
 @of_system
@@ -113,8 +113,8 @@ def compare(
 
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
-    """Return four numbers of steps from the series 1, 2, 5, 10, … near ω_max T, the number with which ω_max h
-    = 1."""
+    """Return four numbers of steps from the series 1, 2, 5, 10, … near ω_max T, which is the number of steps
+    for ω_max h = 1."""
     phase_advance = max(float(frozen(SinglePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * phase_advance)
@@ -122,7 +122,7 @@ def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
 
 
 def label(method: Method) -> str:
-    """Return the name of a method, with those of its settings that differ from the defaults."""
+    """Return the name of a method, followed by the settings that differ from the defaults."""
     defaults = type(method)().settings
     changed = [f" {name} {value}" for name, value in method.settings.items() if value != defaults[name]]
     return method.name + "".join(changed)
@@ -232,8 +232,8 @@ class _AgainstReference:
         return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
 
     def _unnamed(self, refusal: str) -> str:
-        """Return the message of an exception without the name of the method, which the row contains
-        already."""
+        """Return the message of an exception without the name of the method, because the row already contains
+        the name."""
         return refusal.removeprefix(f"{self.method.name}: ").removeprefix(f"{self.method.name} ")
 
     @property

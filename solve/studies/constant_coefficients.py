@@ -29,7 +29,7 @@ from solve.results.points import Kept, PointResults
 from solve.studies.stability_samples import StabilitySamples, evaluator
 
 _TEST_FRACTIONS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
-"""Fractions of the period at which the matrices of all other points are tested."""
+"""Fractions of the period at which matrices are sampled to test whether they are constant."""
 
 _CONSTANT = 1e-13
 """Variation of an entry over the period, relative to its magnitude, that counts as round-off. Parametric
@@ -41,13 +41,13 @@ _ROUNDING = 64 * EPS
 the matrix."""
 
 _LARGEST = 300.0
-"""Limit of growth exponents per period, so that the moduli of multipliers do not overflow."""
+"""Upper limit of growth exponents per period. It prevents overflow of the moduli of multipliers."""
 
 
 class Exponents(NamedTuple):
-    """Characteristic exponents µ (P, N), which refer to the phase: real parts `growth` in descending order,
-    imaginary parts `angular_rates`, and `errors` of the real parts. NaN at points whose matrices are not
-    constant."""
+    """Characteristic exponents µ (P, N), per radian of the phase: real parts `growth` in descending order,
+    imaginary parts `angular_rates`, and `errors` of the real parts. All are NaN at points whose matrices are
+    not constant."""
 
     growth: Array
     angular_rates: Array
@@ -58,7 +58,7 @@ class Exponents(NamedTuple):
 class ConstantCoefficients:
     """Stability of points with constant matrices. Points whose matrices vary, or whose eigenvalues are too
     uncertain, are solved by `batch`. `multiplicity` is the number of multipliers +1 of rigid-body modes;
-    `unit` is a time in seconds with which frequencies become angles below π."""
+    `unit` is a time in seconds; the product of any frequency in rad/s and this time is an angle below π."""
 
     batch: Batch
     multiplicity: int
@@ -72,9 +72,9 @@ class ConstantCoefficients:
     def evaluate(self, points: Array) -> StabilitySamples:
         """Return the stability at points (k, v).
 
-        The moduli of the multipliers are exact. Their angles are not: each is the frequency (rad/s) of the
-        exponent times a fixed time, not times the period. Two multipliers therefore coincide only if their
-        exponents coincide.
+        The moduli of the multipliers are exact. The angles are not exact: the frequency (rad/s) of each
+        exponent is multiplied by the fixed time `unit`, and not by the period. Two multipliers therefore
+        coincide only if their exponents coincide.
         """
         exponents, period = self.exponents(points), self.family.example.period
         growth, errors = exponents.growth * period, exponents.errors * period
@@ -177,9 +177,9 @@ def _are_constant(entries: Array, n: int) -> Array:
 
 
 def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
-    """Return the rigid-body modes of points with M, C, K (P, n, n). They are computed at the first point and
-    reused at the points that have the same modes, usually all: speeds and stiffnesses do not change the
-    modes."""
+    """Return the rigid-body modes of points with M, C, K (P, n, n). The modes are computed at the first
+    point, and reused at all points that have the same modes. Usually these are all points, because speeds and
+    stiffnesses do not change the modes."""
     first = rigid_body_modes(K[:1, None], C[:1, None], M[:1, None])
     vectors = first.vectors[:1].sum(axis=0)
     if not vectors.any():
@@ -208,8 +208,8 @@ def _exponents(
 ) -> Array:
     """Return the growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n).
 
-    `references` are the reference coordinates of the rigid-body modes. The states are the other coordinates,
-    relative to the rigid-body motion, and all velocities."""
+    `references` are the reference coordinates of the rigid-body modes. The states are the coordinates that
+    are not in `references`, relative to the rigid-body motion, and all velocities."""
     n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in references]
     unit = inertia_units(M)
     unit[~np.isfinite(unit)] = 1.0
@@ -251,9 +251,9 @@ def _eigenvalues(A: Array) -> tuple[Array, Array]:
 
 def _energy_bound(M: Array, C: Array, K: Array, rest: list[int]) -> Array:
     """Return an upper bound (P,) on the growth rate, from the energy q̇ᵀMq̇/2 + xᵀKx/2, where x are the
-    coordinates with the indices `rest`. If M and the part of K in x are symmetric and positive definite, the
-    rate of change of the energy is -q̇ᵀCq̇, to which gyroscopic forces do not contribute (W. Thomson, P. G.
-    Tait, Treatise on Natural Philosophy, 345). Otherwise the bound is infinite."""
+    coordinates with the indices `rest`. If M and the block of K that belongs to x are symmetric and positive
+    definite, the rate of change of the energy is -q̇ᵀCq̇. Gyroscopic forces do not contribute to it (W.
+    Thomson, P. G. Tait, Treatise on Natural Philosophy, 345). Otherwise the bound is infinite."""
     scale = [np.abs(matrix).max(axis=(1, 2)) for matrix in (M, C, K)]
     symmetric = [
         np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2)) <= _ROUNDING * size

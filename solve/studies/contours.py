@@ -20,7 +20,7 @@ class Crossings:
     """Points on the lines of a grid at which stability changes.
 
     For each point, `line` (c,) is the index of its line, `place` (c,) the coordinate along the line, and
-    `kind` (c,) the index in KINDS of the way in which a multiplier leaves the unit circle.
+    `kind` (c,) the index in KINDS of the kind of instability.
     """
 
     line: Array
@@ -100,8 +100,8 @@ class _CellCrossings:
 
 
 def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
-    """Return, for each position (c,), the index of the interval of `nodes` that contains it, and its rank in
-    ascending order."""
+    """For each position in `place` (c,), return the index of the interval of `nodes` that contains the
+    position, and the rank of the position in ascending order."""
     cell = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, len(nodes) - 2)
     rank = np.empty(len(place), dtype=int)
     rank[np.argsort(place, kind="stable")] = np.arange(len(place))
@@ -112,8 +112,8 @@ def _decided(
     rims: _CellCrossings, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
     """Return connections (k, 2) between crossings in cells that have several unstable arcs. Crossings of the
-    same kind are connected. If the kinds do not decide, two arcs are joined if the point between them is
-    unstable, or if both arcs are as narrow as a tongue."""
+    same kind are connected. Where the kinds leave several connections possible, two arcs are joined in two
+    cases: the point between the arcs is unstable, or both arcs are as narrow as a tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)
@@ -137,8 +137,7 @@ def _decided(
 
 
 def _chains(count: int, ends: Array) -> list[list[int]]:
-    """Return chains of crossings from connections (k, 2). The last crossing of a closed chain is its first
-    one."""
+    """Return chains of crossings from connections (k, 2). A closed chain ends with its first crossing."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import depth_first_order
 

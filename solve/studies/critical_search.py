@@ -33,28 +33,28 @@ from solve.system import PeriodicSystem, multiplier_count
 _ASIDE = 0.25
 """Distance from a maximum to the speeds at which the response is computed for comparison, as a fraction of
 the distance between neighbouring divisions. Chosen by judgement: these speeds must lie outside the peak of
-this maximum, and closer than the next maximum."""
+this maximum, and before the next maximum."""
 
 _BESIDE = 4.0
-"""Distance from a maximum to the speeds, on either side, at which results are computed for comparison, as a
-multiple of the tolerance of its speed. Chosen by judgement, larger than the error of the speed."""
+"""Results for comparison are computed at this distance on either side of a maximum. The unit of the distance
+is the tolerance of the speed of the maximum. Chosen by judgement, larger than the error of the speed."""
 
 
 _SHARE = 0.1
-"""Smallest rise of a harmonic's power at a maximum, relative to the largest rise of any harmonic, with which
-the harmonic counts as a cause of the maximum. Chosen by judgement."""
+"""A harmonic counts as a cause of a maximum if its power rises there by at least this fraction of the largest
+rise of any harmonic. Chosen by judgement."""
 
 
 def radius(results: PointResults) -> Array:
-    """Spectral radius (P,); NaN where it is below 1/2, so that perturbations lose more than half of their
+    """Spectral radius (P,); NaN where the radius is below 1/2: perturbations then lose more than half of the
     amplitude in a period."""
     modulus = results.spectral_radius
     return np.where(modulus >= LIGHTLY_DAMPED, modulus, np.nan)
 
 
 def real_part(results: PointResults) -> Array:
-    """Largest real part (P,) among the dominant multipliers: those whose modulus is the largest, within the
-    errors."""
+    """Largest real part (P,) among the dominant multipliers. A multiplier is dominant if, within its error,
+    its modulus is the largest."""
     largest = np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).max(axis=1)
     return np.where(results.failed, np.nan, largest)
 
@@ -69,14 +69,13 @@ def _is_dominant(results: PointResults) -> Array:
 
 
 def _leading(results: PointResults) -> Array:
-    """For each point, the index (P,) of the dominant multiplier; of several with equal modulus, the one with
-    the largest real part."""
+    """For each point, the index (P,) of the dominant multiplier. If several multipliers are dominant, it is
+    the index of the multiplier with the largest real part."""
     return np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).argmax(axis=1)
 
 
 def _coalescence(results: PointResults) -> Array:
-    """Coalescence distance (P,) of the dominant multiplier with the largest real part; NaN at failed
-    points."""
+    """Distance (P,) from coalescence for the multiplier that `_leading` selects; NaN at failed points."""
     distance = coalescence_distance(results.multipliers, _leading(results))
     return np.where(results.failed, np.nan, distance)
 
@@ -88,7 +87,8 @@ class CriticalSearch:
 
     `batch` solves for orbits, and `multipliers` for multipliers only. `figure` is the statistic of the
     response. `orders` is the highest order of divisions. `rotation` returns the rotation of the multipliers
-    with speed. `constant` evaluates constant matrices, and `sweep` contains solutions that are already known.
+    as the speed varies. `constant` evaluates the stability of a system with constant matrices. `sweep`
+    contains solutions that are already known.
     """
 
     batch: Batch
@@ -131,8 +131,8 @@ class CriticalSearch:
     def multiplier_maxima(
         self, speeds: Array, values: Array, results: PointResults, value: Callable[[PointResults], Array]
     ) -> list[Maximum]:
-        """Locate the maxima of `value`, a function of the multipliers, from its values (P,) at the speeds
-        (P,)."""
+        """Locate the maxima of `value`, a function of the multipliers. `values` (P,) are the values of this
+        function at the speeds (P,)."""
         maxima = peaks(values, results.errors[:, 1] * results.spectral_radius)
         trials = Trials(self.multipliers, Kept(warnings=False), results, maxima)
 
@@ -159,9 +159,9 @@ class CriticalSearch:
     def add_crossings(
         self, speeds: Array, results: PointResults, others: Array
     ) -> tuple[Array, PointResults]:
-        """Solve at further speeds, and return `speeds` and `results` with these inserted. The further speeds
-        are `others` (k,), and speeds where a multiplier passes through +1 on the real axis, with their
-        neighbours. There the response may have an unbounded maximum of any width."""
+        """Solve at further speeds, and return `speeds` and `results` with the new ones inserted. The further
+        speeds are `others` (k,), and speeds on both sides of each passage of a multiplier through +1 along
+        the real axis. At such a passage, the response may have an unbounded maximum of any width."""
         speeds, results = self._insert(speeds, results, others)
         evaluate_all = self.constant.evaluate if self.constant else evaluator(self.multipliers)
 
@@ -191,8 +191,8 @@ class CriticalSearch:
         return union, merged
 
     def label_response_maxima(self, brackets: Brackets) -> list[Label]:
-        """Return the maxima of the response, each labelled with the orders whose power is higher at the
-        maximum than on both sides.
+        """Return the maxima of the response. Each is labelled with the orders whose power is higher at the
+        maximum than on both sides of it.
 
         Maxima inside an unstable range, where no steady vibration is reached, are omitted; maxima at its
         edges are kept.
@@ -219,8 +219,8 @@ class CriticalSearch:
         ]
 
     def _with_heights(self, brackets: Brackets, unbounded: Array) -> list[Maximum]:
-        """Return the maxima, however narrow, with certified heights. Heights are infinite where `unbounded`
-        (k,) is True."""
+        """Return the maxima with certified heights. Maxima narrower than the tolerance of the speed are
+        included. Heights are infinite where `unbounded` (k,) is True."""
 
         def values_at(speeds: Array, _: Array) -> tuple[Array, Array]:
             return self.response(self.solve(speeds)), np.full(len(speeds), np.nan)
@@ -266,8 +266,8 @@ class CriticalSearch:
         return set(itertools.product(range(1, self.system.n + 1), rising))
 
     def label_real_part_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Label maxima of the real part of the dominant multiplier. Maxima at edges of unstable ranges are
-        omitted if no resonance explains them, because at such edges another multiplier becomes dominant."""
+        """Label maxima of the real part of the dominant multiplier. Maxima that no resonance explains are
+        omitted at the edges of unstable ranges, because another multiplier becomes dominant at such edges."""
         speeds, count = np.array([maximum.speed for maximum in maxima]), len(maxima)
         near = 1 + _BESIDE * self.tolerance * np.array([0, -1, 1])
         results = self.solve_multipliers((near[:, None] * speeds).ravel())
@@ -283,8 +283,8 @@ class CriticalSearch:
         return [label for label, edge in zip(labels, is_edge, strict=True) if label.is_explained or not edge]
 
     def label_radius_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Label maxima of the spectral radius. Maxima of stable motion are omitted if no resonance explains
-        them, because the radius also has a maximum where two multipliers of different decay meet."""
+        """Label maxima of the spectral radius. Maxima of stable motion that no resonance explains are
+        omitted, because the radius also has a maximum where two multipliers of different decay meet."""
         results = self.solve_multipliers(np.array([maximum.speed for maximum in maxima]))
         maxima = _certified(maxima, results.spectral_radius)
         labels = [

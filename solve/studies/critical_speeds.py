@@ -30,7 +30,8 @@ from solve.terminal import progress
 from solve.units import speeds_between
 
 RESPONSES = ("max_abs", "rms", "max", "min", "mean")
-"""Statistics of a quantity, of which the maxima versus speed can be searched for."""
+"""Names of statistics of a quantity over the period. Each statistic, as a function of speed, can be searched
+for maxima."""
 
 _SPEEDS_PER_DIVISION = 24
 """Smallest number of speeds between two neighbouring integer divisions of the lowest frequency. Chosen by
@@ -78,8 +79,8 @@ def critical_speeds(
         System to solve.
     speeds : str or sequence of float or str
         Speeds in rad/s, strings with a unit, or one string such as "100:900:81 rpm". Speeds are added where
-        fewer than 24 lie between two integer divisions of the lowest frequency, and at and halfway between
-        the divisions of all frequencies.
+        fewer than 24 lie between two integer divisions of the lowest frequency. The divisions of all
+        frequencies, and the speeds halfway between neighbouring divisions, are added too.
     quantity : str, optional
         Coordinate or output whose maxima are searched for; by default the first coordinate.
     figure : str
@@ -126,8 +127,8 @@ def critical_speeds(
 
 
 def critical_speeds_of(sweep: Sweep, method: str | Rule, rtol: float) -> CriticalSpeeds:
-    """Find the critical speeds of the first coordinate in the range of a sweep, whose orbits are reused.
-    `method` and `rtol` must be those of the sweep."""
+    """Find the critical speeds of the first coordinate in the range of a sweep. The orbits of the sweep are
+    reused. `method` and `rtol` must be those of the sweep."""
     speeds = speeds_between(sweep.speeds.tolist(), "critical speeds")
     return _critical_speeds(sweep.system, speeds, _Settings(method=method, rtol=rtol), sweep)
 
@@ -195,8 +196,8 @@ def _critical_speeds(
 def _prepare(
     rest: MeanFrequencies, omegas: Array, name: str, settings: _Settings, sweep: Sweep | None
 ) -> tuple[CriticalSearch, Array, list[str]]:
-    """Return the search object for a refined grid of speeds, this grid, and notes on the method and the
-    engine."""
+    """Return the search object for a refined grid of speeds, the refined grid, and notes on the method and
+    the engine."""
     system = rest.system
     ends = ends_with_matrices(system, omegas)
     selection = Kept((name,), warnings=False)
@@ -248,8 +249,8 @@ def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
 
 
 def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int) -> list[Critical]:
-    """Return the integer divisions of the mean frequencies, each with the same division of the frequency at
-    rest."""
+    """Return the integer divisions of the mean frequencies. Each is paired with the same division of the
+    frequency at rest."""
     return [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))

@@ -23,15 +23,16 @@ _SPEEDS = (1.0, 3.0, 9.0, 27.0, 81.0, 243.0)
 checked at other speeds. Chosen by judgement: a geometric sequence over two decades."""
 
 _DOUBLINGS = 6
-"""Number of times that a monodromy matrix is squared; the norm of the result, the power k = 64, bounds the
-spectral radius."""
+"""Number of times that a monodromy matrix is squared. The result is the 64th power of the matrix, and the
+norm of the result bounds the spectral radius."""
 
 
 @dataclass(frozen=True)
 class SolvedCurves:
     """Periodic solutions at P speeds: `q` (P, n, k) with the given number of steps, and `coarse` (P, n, k)
-    with half as many. The difference of the two estimates the error of `q`. Both are infinite at speeds
-    without a periodic solution. `radius_bound` (P,) is an upper bound on the spectral radius."""
+    with half as many. The difference between `q` and `coarse` is an estimate of the error of `q`. Both arrays
+    are infinite at speeds without a periodic solution. `radius_bound` (P,) is an upper bound on the spectral
+    radius."""
 
     q: Array
     coarse: Array
@@ -51,7 +52,7 @@ class PeriodicCurves:
     steps : int
         Even number of steps per period.
     samples : int
-        Phases per step at which q is evaluated.
+        Number of phases per step at which q is evaluated.
 
     Raises
     ------

@@ -47,12 +47,13 @@ class DesignPoint:
         return self._grid.forward.signal(name, phase).T
 
     def value(self, quantity: Named) -> float:
-        """Value of a quantity with real values."""
+        """Value of a real quantity."""
         return float(np.real(quantity.value(cast(Solved, self.solved))))
 
     def slopes(self, quantity: Named) -> Array:
-        """Derivatives (r,) of a quantity with real values. If the spectral radius is the modulus of several
-        multipliers, the derivatives for the first of these are returned. Raises NoDerivativeError."""
+        """Derivatives (r,) of a real quantity with respect to the free parameters. If several multipliers
+        have the spectral radius as their modulus, the derivatives of the first one are returned. Raises
+        NoDerivativeError."""
         (slopes,) = self._grid.slopes([quantity])
         if not isinstance(slopes, NoDerivativeError):
             return np.real(slopes)
@@ -110,8 +111,8 @@ class Design:
         return [DesignPoint(solve(model, speed, self.method, rtol=self.rtol), self.names) for speed in speeds]
 
     def on_grids_of(self, points: Sequence[DesignPoint], x: Array) -> list[DesignPoint]:
-        """Solutions for the variables x with the methods and grids of `points`, so that errors cancel in
-        finite differences."""
+        """Solutions for the variables x, computed with the methods and grids of `points`. Errors then cancel
+        in finite differences."""
         model = self.varied(x)
         return [
             DesignPoint(

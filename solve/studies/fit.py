@@ -29,8 +29,8 @@ _UNIDENTIFIABLE = 0.5
 judgement."""
 
 _SHARE = 0.1
-"""Smallest component of a parameter in an unidentifiable combination, relative to the largest component, with
-which the parameter is listed. Chosen by judgement."""
+"""A parameter is listed in an unidentifiable combination if its component is at least this fraction of the
+largest component. Chosen by judgement."""
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
 """Type of mappings from names of parameters to lower and upper bounds: numbers in the unit of the parameter,
@@ -163,8 +163,8 @@ def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
 def _uncertainty(
     problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
-    """Return the covariance (r, r) of x in the identifiable directions, a mask (r,) of the parameters with a
-    component in the other directions, and sentences that name the unidentifiable combinations."""
+    """Return the covariance (r, r) of x in the identifiable directions; a mask (r,) of the parameters that
+    have a component in another direction; and sentences that name the unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
     is_identifiable = sizes > EPS * count * sizes[0]
     spread = np.where(is_identifiable, sigma / np.where(is_identifiable, sizes, 1.0), np.inf)

@@ -1,9 +1,9 @@
 """Warnings about a fit: residuals that are not noise, a doubtful unit, a channel with constant values, and
 duplicate rows.
 
-Residuals are not noise if neighbours are correlated. The test uses the sum of the squared autocorrelations at
-several lags, each divided by its standard deviation (G. M. Ljung, G. E. P. Box, Biometrika 65 (1978)
-297-303).
+Residuals are not noise if neighbours are correlated. Each autocorrelation is divided by its standard
+deviation; the test uses the sum of the squares for several lags (G. M. Ljung, G. E. P. Box, Biometrika 65
+(1978) 297-303).
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ _POOR_FIT = 0.5
 """Relative residual above which the model counts as not describing the data. Chosen by judgement."""
 
 _SENSOR_ERROR = 0.05
-"""Relative residual above which a fit to fewer values than two lags require counts as poor: accelerometers
+"""Relative residual above which a fit counts as poor if it has too few values for two lags. Accelerometers
 and their amplifiers are specified to 5 % of amplitude."""
 
 _UNIT_RATIO = 100.0
@@ -33,8 +33,8 @@ judgement."""
 
 
 def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:
-    """Return warnings, one sentence each. `ratios` maps each channel to the ratio of its measured values to
-    those computed at the start."""
+    """Return warnings, one sentence each. `ratios` maps each channel to the ratio of the measured to the
+    initially computed values."""
     from scipy.stats import chi2
 
     warnings = [
@@ -80,8 +80,8 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
 
 def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
     """Return, for the measurements of one quantity, their positions (k,) as complex numbers, the measured
-    values, and the computed minus the measured values. They are sorted so that neighbours have the same speed
-    and successive phases, or the same order or mode and successive speeds."""
+    values, and the computed minus the measured values. Curves are sorted by speed, and then by phase;
+    amplitudes by order, and then by speed; natural frequencies by mode, and then by position."""
     by_phase = channels[0].by_phase
     at = np.concatenate([np.mod(channel.at, period) if by_phase else channel.at for channel in channels])
     counts = [len(channel.at) for channel in channels]
@@ -95,9 +95,9 @@ def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, A
 
 
 def _autocorrelation(residuals: Array, lag: int) -> tuple[float, float]:
-    """Return the autocorrelation at a lag, normalised in two ways. The first value is the modulus of the sum
-    of the products of residuals, divided by the standard deviation of the sum, which is estimated from the
-    products. The second value is this sum divided by the sum of the squares of the residuals."""
+    """Return the autocorrelation at a lag, which is the sum of the products of residuals, normalised in two
+    ways. The first value is the modulus of the sum, divided by its standard deviation as estimated from the
+    products. The second value is the sum itself, divided by the sum of the squares of the residuals."""
     products = np.real(residuals[lag:] * np.conj(residuals[:-lag]))
     deviation = float(np.sqrt(np.sum(products**2)))
     size = float(np.sum(np.abs(residuals) ** 2))

@@ -33,8 +33,8 @@ polynomials of degree 8 or less, the extrapolation is exact to round-off."""
 
 @dataclass(eq=False)
 class Problem:
-    """Least-squares problem in the variables x (r,): logarithms of positive parameters, and other parameters
-    divided by the modulus of their initial value."""
+    """Least-squares problem in the variables x (r,): logarithms of positive parameters, and all other
+    parameters, each divided by the modulus of its initial value."""
 
     model: Model
     sets: Sequence[Measured]
@@ -85,7 +85,7 @@ class Problem:
 
     @property
     def ratios(self) -> dict[str, float]:
-        """Mapping from channels to the ratio of the measured values to those computed at the start."""
+        """Mapping from each channel to the ratio of the measured to the initially computed values."""
         names = [name for data in self.sets for name in data.channels]
         measured = self.measured
         ends = np.cumsum([len(values) for values in measured])[:-1]
@@ -131,8 +131,8 @@ class Problem:
         return self._last[1], self._last[2]
 
     def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
-        """Name, computed values (k,) and derivatives (r, k) with respect to the free parameters, for every
-        channel of `data`."""
+        """For every channel of `data`: the name, the computed values (k,), and the derivatives (r, k) of
+        these values with respect to the free parameters."""
         if data.position is not None:
             return [(FREQUENCY, *_natural_frequencies(model, data, self.names))]
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
@@ -212,8 +212,8 @@ def _modes(data: Measured) -> Array:
 
 
 def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str]) -> Array:
-    """Return the derivatives (r, n) of the eigenvalues λ of K v = λ M v, in the order of the modes of
-    `model`, from the derivatives of M and K."""
+    """Return the derivatives (r, n) of the eigenvalues λ of K v = λ M v, computed from the derivatives of M
+    and K. The eigenvalues are in the order of the modes of `model`."""
 
     def matrices(varied: Model) -> Array:
         M, _, K, _ = at_speed_zero(varied, position)
@@ -225,7 +225,7 @@ def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str])
 
 
 def _slope(values: Callable[[Model], Array], model: Model, name: str) -> Array:
-    """Return the derivative, with respect to one parameter, of the array that `values` returns for a
-    model."""
+    """Return the derivative of an array with respect to the parameter `name`. The function `values` returns
+    the array for a model."""
     at = model.parameters[name]
     return slope(lambda number: values(model.varied({name: number})), at, _STEP * (abs(at) or 1.0))

@@ -135,12 +135,13 @@ def follow_modes(
 
     Notes
     -----
-    A mode p(φ) exp(λt) has the same identity at two neighbouring speeds if its vector overlaps with that of
-    one mode only. The overlap of p_a and p_b is |y_aᴴp_b| |y_bᴴp_a| with left vectors y, averaged over the
-    period, at the shift of the harmonics for which it is largest. Where two modes come close, their equations
-    are reduced to a matrix of order 2, whose exceptional points (T. Kato, Perturbation Theory for Linear
-    Operators, II.1.1) show whether the modes cross or veer. Speeds are added until the identity of all modes
-    is unambiguous. Pairs for which this fails are listed as ambiguous.
+    A mode p(φ) exp(λt) at one speed is identified with a mode at a neighbouring speed if its vector overlaps
+    with the vector of no other mode at that speed. The overlap of p_a and p_b is |y_aᴴp_b| |y_bᴴp_a|, where y
+    are left vectors and the products are averaged over the period. Harmonics are shifted so that the overlap
+    is largest. Where two modes come close, their equations are reduced to a matrix of order 2, whose
+    exceptional points (T. Kato, Perturbation Theory for Linear Operators, II.1.1) show whether the modes
+    cross or veer. Speeds are added until the identity of all modes is unambiguous. Pairs for which this fails
+    are listed as ambiguous.
 
     Examples
     --------
@@ -169,8 +170,8 @@ def follow_modes(
 
 
 def _method(method: str | Rule, coordinates: int) -> Method:
-    """Return the method, which must compute step maps, because eigenvectors with error estimates require
-    them. Raises StepsError for other methods."""
+    """Return the method. It must compute step maps, because eigenvectors with error estimates require step
+    maps. Raises StepsError for other methods."""
     rule = chosen(method)
     used = rule if isinstance(rule, Method) else damping(coordinates)
     if used.with_another_stage is None:

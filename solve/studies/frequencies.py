@@ -148,7 +148,8 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
 
 
 def require_position(system: PeriodicSystem, given: object, flag: str = "position") -> None:
-    """Raise NoMotionError if a value of `flag`, by default the position, is given for a structure at rest."""
+    """Raise NoMotionError if the system is a structure at rest and `given`, the value of the option `flag`,
+    is not None."""
     if given is not None and not system.labels.moves:
         raise NoMotionError(f"{system.labels.name} is a structure at rest; omit {flag}")
 

@@ -30,7 +30,8 @@ class KeptValues:
             self.before = [self._values(point) for point in self.design.points(self.design.start)]
 
     def changes(self, points: Sequence[DesignPoint]) -> list[tuple[Kept, float, float]]:
-        """Each quantity, its largest change over all design speeds, and the allowed change."""
+        """For each quantity: the quantity, its largest change at any of the design speeds, and the allowed
+        change."""
         return [
             (
                 quantity,
@@ -55,9 +56,9 @@ class KeptValues:
         return limits
 
     def smooth(self, at: int, place: int) -> Tracked:
-        """Smooth function whose values are those of the quantity with index `place` at the speed with index
-        `at`. For a curve, these are its points; for a statistic, all extrema that are equal to it at the
-        start."""
+        """Smooth function for the quantity with index `place` at the speed with index `at`. The values of the
+        function are the points of a curve or, for a statistic, all extrema that are equal to the statistic at
+        the start."""
         each, design = self.kept[place], self.design
         if each.phases is not None:
             return Curve(design, at, each.name, each.phases)
@@ -71,8 +72,8 @@ class KeptValues:
 
         The equations are linear combinations of the changes, divided by the allowed changes. They follow from
         the singular value decomposition of the derivatives at the start. Combinations that stay within the
-        allowed change for all parameters within the bounds are omitted: they arise because several speeds, or
-        neighbouring phases, give the same equation.
+        allowed change for all parameters within the bounds are omitted. Such combinations arise if several
+        speeds, or neighbouring phases, give the same equation.
         """
         chosen = [
             (at, place)

@@ -2,7 +2,7 @@
 Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as implemented in SciPy).
 
 A trial outside the domain has NaN residuals. SciPy's trust-region reflective method then reduces the trust
-radius to a quarter of the step and tries again from the same point, before the objective is compared with its
+radius to a quarter of the step and tries again from the same point, without comparing the objective with the
 quadratic model. Large finite residuals would distort the next radius.
 """
 
@@ -43,7 +43,7 @@ _MOVED = 1e-8
 """Relative change below which a parameter counts as unchanged: SciPy's xtol."""
 
 _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
-"""Exceptions caused by values of the parameters that their messages do not state."""
+"""Exceptions that are caused by parameter values. The messages do not contain these values."""
 
 
 class LeastSquares(Protocol):
@@ -74,9 +74,9 @@ class Minimum:
 
 
 def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -> Minimum:
-    """Minimise by the trust-region reflective method, from the start of the problem. If `robust` is True,
-    large residuals contribute their moduli instead of their squares. Raises SolveError subclasses, with the
-    initial values in the message, if the residuals do not exist at the start."""
+    """Minimise the residuals by the trust-region reflective method, from the start of the problem. If
+    `robust` is True, large residuals contribute their moduli instead of their squares. Raises SolveError
+    subclasses, with the initial values in the message, if the residuals do not exist at the start."""
     from scipy.optimize import least_squares
 
     trials = _Trials(problem, _at_start(problem).shape)
@@ -159,9 +159,9 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool
 
 
 def _offset(found: Any) -> float:
-    """Return the relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts,
-    Technometrics 23 (1981) 179-183): the ratio of the residuals' component in the tangent plane to their
-    normal component, each divided by the square root of its number of degrees of freedom."""
+    """Return the relative offset for the parameters that are not at a bound (D. M. Bates, D. G. Watts,
+    Technometrics 23 (1981) 179-183): the ratio of two components of the residuals, in the tangent plane and
+    normal to it. Each component is divided by the square root of its number of degrees of freedom."""
     free = found.active_mask == 0
     axes, sizes, _ = np.linalg.svd(found.jac[:, free], full_matrices=False)
     # Singular values of directions that the data cannot identify were measured as 4e-14 to 6e-14.

@@ -25,16 +25,16 @@ from solve.studies.tracked import leading
 
 
 class Quantity(NamedTuple):
-    """Quantity with its limits. limits: tightest limit in each unfavourable direction, which is 1 if larger
-    values are worse and -1 if smaller values are worse; 0 in a direction without a limit."""
+    """Quantity with its limits. `limits` maps 1 to the tightest upper limit, and -1 to the tightest lower
+    limit. A quantity without any limit has the limit 0 in the direction in which its values become worse."""
 
     named: Named
     limits: Mapping[float, float]
 
     @classmethod
     def with_bounds(cls, named: Named, bounds: Sequence[Bound]) -> "Quantity":
-        """Quantity with its limits among the bounds. Without a limit small values are worse for minima, and
-        large values for other quantities."""
+        """Quantity with the limits that `bounds` contains for `named`. If there are no limits, small values
+        of a minimum count as worse, and so do large values of any other quantity."""
         limits: dict[float, float] = {}
         for bound in bounds:
             if bound.quantity.text == named.text:
@@ -54,8 +54,8 @@ STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
 class Event(NamedTuple):
     """Event, such as the violation of a limit, at P points and k speeds. `margins` (P, k) are positive where
     the event occurs, and NaN without a result. `occurs` (P,) is True if the event occurs at any of the
-    speeds. If it does not occur, `failed` (P,) is True if any of the speeds has no result, and otherwise
-    `undetermined` (P,) is True if the event is undetermined at any of the speeds."""
+    speeds. Where `occurs` is False, `failed` (P,) is True if any of the speeds has no result. Where `failed`
+    is also False, `undetermined` (P,) is True if the event is undetermined at any of the speeds."""
 
     margins: Array
     occurs: Array
@@ -64,8 +64,8 @@ class Event(NamedTuple):
 
     @classmethod
     def from_points(cls, margins: Array, occurs: Array, is_open: Array, failed: Array) -> "Event":
-        """Event from arrays (P, k): the margins, and masks of the points and speeds at which the event
-        occurs, is undetermined (`is_open`), or has no result."""
+        """Event from arrays (P, k) for P points and k speeds: the margins, and masks that are True where the
+        event occurs, where it is undetermined (`is_open`), and where there is no result."""
         any_occurs, any_open, any_failed = (
             np.asarray(each.any(axis=1)) for each in (occurs, is_open, failed)
         )
@@ -74,8 +74,8 @@ class Event(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Results of P machines at k speeds. `unstable` is the event that a machine is unstable, `beyond`
-    contains the event that a bound is violated, for each bound, and `values` (q, P, k) are the values of q
+    """Results of P machines at k speeds. `unstable` is the event that a machine is unstable. For each bound,
+    `beyond` contains the event that this bound is violated. `values` (q, P, k) are the values of q
     quantities."""
 
     unstable: Event
@@ -148,15 +148,15 @@ class Machines:
         return Outcome(unstable, beyond, np.array(every))
 
     def worst(self, values: Array) -> tuple[Array, Array]:
-        """Worst values (P, q) over all speeds, from values (q, P, k), and indices (P, q) of the speeds at
-        which they occur. A worst value is NaN if the value at any speed is NaN."""
+        """Worst values (P, q) over all speeds, and the indices (P, q) of the speeds of these worst values,
+        from `values` (q, P, k). A worst value is NaN if the value at any speed is NaN."""
         excess = [each.excess(each_values) for each, each_values in zip(self.quantities, values, strict=True)]
         speed_indices = np.array(excess).argmax(axis=2)
         return np.take_along_axis(values, speed_indices[..., None], axis=2)[..., 0].T, speed_indices.T
 
     def design(self, speed: float) -> Design:
-        """Design at one speed. Its variables x, from 0 to 1, cover all parameter values whose probability is
-        not negligible."""
+        """Design at one speed. The range 0 … 1 of its variables x covers all parameter values whose
+        probability is not negligible."""
         low, high = np.array(
             [
                 (each.first - MAX_DISTANCE * each.second, each.first + MAX_DISTANCE * each.second)
@@ -170,8 +170,9 @@ class Machines:
         return Design(self.model, names, low, high, [speed], rule, rtol, request.orbit)
 
     def gradient(self, limit: Bound, speed: float) -> Gradient:
-        """Return a function of z (r,). It returns the margin of a limit at a speed, which is positive if the
-        limit is violated, and the derivatives (r,) of the margin with respect to z."""
+        """Return a function of z (r,) for a limit at a speed. This function returns the margin of the limit,
+        which is positive if the limit is violated, and the derivatives (r,) of the margin with respect to
+        z."""
         design = self.design(speed)
         width = design.high - design.low
 

@@ -30,20 +30,20 @@ _SAME_GRID = ("radau", "gauss")
 """Methods whose error estimate is a solution on the same grid with one more stage."""
 
 _FLAT_TOP, _HEIGHT_TOLERANCE = 1e-5, 1e-6
-"""The height of a maximum is refined if it exceeds the ends of its bracket by more than the first number,
-relative to the height. The second number is the relative tolerance of the refined height. Chosen by
-judgement."""
+"""The height of a maximum is refined if it exceeds the heights at both ends of the bracket by more than the
+first number, relative to the height. The second number is the relative tolerance of the refined height.
+Chosen by judgement."""
 
 Value = Callable[[Array, Array], tuple[Array, Array]]
-"""Type of functions of speeds (m,) and the indices (m,) of their brackets. They return heights (m,), NaN
-without a result, and guides (m,), NaN if there are none. Guides are values of a smooth function whose maxima
-may coincide with narrow maxima of the heights."""
+"""Type of functions of speeds (m,) and the indices (m,) of their brackets. Such a function returns heights
+(m,), which are NaN without a result, and guides (m,), which are NaN if there are no guides. Guides are values
+of a smooth function whose maxima may coincide with narrow maxima of the heights."""
 
 
 @dataclass(frozen=True)
 class Brackets:
-    """Brackets of maxima: ascending speeds `x` (k, 3) and heights `y` (k, 3), the middle one of which is the
-    highest."""
+    """Brackets of maxima: ascending speeds `x` (k, 3) and heights `y` (k, 3). In each bracket, the middle
+    height is the largest."""
 
     x: Array
     y: Array
@@ -55,7 +55,7 @@ class Brackets:
         return Brackets(self.x[some], self.y[some])
 
     def with_heights(self, heights: Array) -> "Brackets":
-        """Brackets with the heights (k,) in the middle, where these are finite."""
+        """Brackets in which the middle heights are replaced by `heights` (k,) where these are finite."""
         y = self.y.copy()
         y[:, 1] = np.where(np.isfinite(heights), heights, y[:, 1])
         return Brackets(self.x, y)
@@ -70,8 +70,8 @@ class Brackets:
 
 
 class Trials:
-    """Solver at speeds within brackets. All solutions in a bracket use one grid, the finest of those at its
-    ends and middle.
+    """Solver at speeds within brackets. All solutions in a bracket use one grid: the finest grid among the
+    solutions at its three original speeds.
 
     Errors are not estimated again by a second grid: they are set to the largest errors at the ends and the
     middle. `results` are the solutions at the original speeds; `brackets` (k, 3) are the indices of the
@@ -97,11 +97,11 @@ class Trials:
 
 
 def peaks(values: Array, errors: Array) -> Array:
-    """Return the indices (k, 3) of each prominent local maximum and its nearest finite neighbours: left,
-    maximum, right.
+    """For each prominent local maximum, return the indices (k, 3) of the nearest finite value to the left, of
+    the maximum, and of the nearest finite value to the right.
 
-    `values` (P,) are NaN where unknown, and `errors` (P,) are their errors. A maximum counts as prominent if
-    its prominence exceeds both a hundredth of its height and twice its error."""
+    `values` (P,) are NaN where unknown; `errors` (P,) are the errors of these values. A maximum counts as
+    prominent if its prominence exceeds both a hundredth of its height and twice its error."""
     finite = np.flatnonzero(np.isfinite(values))
     top, prominences = find_peaks(values[finite])
     height, error = np.abs(values[finite[top]]), np.nan_to_num(errors[finite[top]], nan=0.0)
@@ -126,11 +126,13 @@ def find_peaks(values: Array) -> tuple[Array, Array]:
 
 
 def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, tolerance: float) -> Brackets:
-    """Return a bracket of the highest maximum in each bracket, narrowed to a tolerance relative to its speed.
-    `guides` (k, 3) are the guides at the speeds of the brackets; see `Value`.
+    """For each bracket, return a narrower bracket around the highest maximum in it. The widths of the new
+    brackets meet a tolerance relative to the speed. `guides` (k, 3) are the guides at the speeds of the
+    brackets; see `Value`.
 
-    The maximum of the heights and the maximum of the guides are each refined, from the highest of equidistant
-    speeds in the bracket. The result surrounds the highest of all solved speeds.
+    The maximum of the heights and the maximum of the guides are refined separately. Each search starts from
+    the highest value at evenly spaced speeds in the bracket. The returned bracket surrounds the speed with
+    the greatest height among all solved speeds.
     """
     if len(brackets) == 0:
         return brackets
@@ -147,8 +149,8 @@ def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, toleran
 
 
 def narrow_to_height(brackets: Brackets, value: Value) -> Brackets:
-    """Return brackets narrowed until the heights meet their tolerance, for resonances that are narrower than
-    the tolerance of the speed."""
+    """Return brackets that are narrowed until the heights meet their tolerance. This serves resonances that
+    are narrower than the tolerance of the speed."""
     rise = brackets.y[:, 1] - brackets.y.min(axis=1)
     narrow = np.flatnonzero(rise > _FLAT_TOP * np.abs(brackets.y[:, 1]))
     if len(narrow) == 0:
@@ -166,8 +168,8 @@ def _find_minimum(
     values: "_CachedValues", x: Array, lanes: tuple[Array, Array], tolerances: dict[str, float]
 ) -> Brackets:
     """Narrow brackets by Chandrupatla's method until one of the tolerances is met. Each iteration solves one
-    speed in every bracket `x` (k, 3), in one batch. `lanes` are the indices (k,) of the brackets in `values`,
-    and the numbers (k,) 0 for heights or 1 for guides."""
+    speed in every bracket `x` (k, 3), in one batch. `lanes` contains two arrays: the indices (k,) of the
+    brackets for `values`, and the numbers (k,), which are 0 for heights and 1 for guides."""
     from scipy.optimize.elementwise import find_minimum
 
     all_tolerances = {"xatol": 0.0, "fatol": 0.0, **tolerances}
@@ -211,8 +213,9 @@ class _CachedValues:
 
     def subdivide(self, x: Array) -> tuple[Array, Array]:
         """Return narrower brackets (k, 3) within the brackets `x` (k, 3), first for heights and then for
-        guides. They are the speed with the highest value, among speeds that divide both sides of the bracket
-        evenly, and its two neighbours. They are NaN where a guide is largest at an end of the bracket."""
+        guides. Both sides of each bracket are divided evenly by additional speeds. A narrower bracket
+        consists of the speed with the highest value and the two neighbouring speeds. A bracket for guides is
+        NaN if the guide is largest at an end."""
         low, best, high = x.T
         sides = [np.linspace(*ends, _SUBDIVISION + 1, axis=1) for ends in ((low, best), (best, high))]
         speeds = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)
@@ -222,7 +225,7 @@ class _CachedValues:
 
     def _around_highest_of(self, x: Array, column: int) -> Array:
         """Brackets (k, 3) around the speed with the highest value among ascending speeds `x` (k, m). `column`
-        is 0 for heights and 1 for guides; brackets of guides are NaN where an end has the highest value."""
+        is 0 for heights and 1 for guides. A bracket for guides is NaN if the guide is largest at an end."""
         y = np.array([[self._cache[n][speed][column] for speed in row] for n, row in enumerate(x.tolist())])
         top = y[:, 1:-1].argmax(axis=1)[:, None] + 1
         three = np.take_along_axis(x, top + np.array([-1, 0, 1]), axis=1)

@@ -1,5 +1,6 @@
-"""Cycle means of the frozen natural frequencies as functions of the speed, and the speeds of combination
-resonances: there, sums or differences of the means are integer multiples of the speed."""
+"""Cycle means of the frozen natural frequencies, as functions of the speed, and the speeds of combination
+resonances. At a combination resonance, the sum or difference of two means is an integer multiple of the
+speed."""
 
 import itertools
 import math
@@ -20,11 +21,12 @@ from solve.terminal import progress
 
 _TOLERANCE, _MAX_ITERATIONS = 1e-10, 10
 """Relative tolerance of the speeds of divisions, and maximum number of iterations. Means are nearly linear
-between two speeds of the grid, so that four iterations suffice; only jumps of the means reach the maximum."""
+between two speeds of the grid, so that four iterations suffice. The maximum number is reached only where a
+mean jumps."""
 
 _JUMP = 1e-2
 """Relative difference between a mean frequency and a multiple of the speed, after the iteration, above which
-the mean jumps over the multiple instead of crossing it. Chosen by judgement."""
+the mean is assumed to jump over the multiple instead of crossing it. Chosen by judgement."""
 
 CLOSE = 0.05
 """Relative difference between a frequency and an integer multiple of the speed up to which they may belong to
@@ -46,9 +48,9 @@ judgement."""
 
 @dataclass(frozen=True)
 class MeanFrequencies:
-    """Cycle means, in rad/s and in ascending order, of the undamped natural frequencies of M and K frozen at
-    phases of the period, at speeds (P,); see `mean_modes`. They are NaN at speeds without matrices. Copies at
-    other speeds, `replace(frequencies, speeds=…)`, share a cache."""
+    """Cycle means of undamped natural frequencies at speeds (P,), in rad/s and in ascending order; see
+    `mean_modes`. The natural frequencies are those of M and K frozen at phases of the period. Means are NaN
+    at speeds without matrices. Copies at other speeds, `replace(frequencies, speeds=…)`, share a cache."""
 
     system: PeriodicSystem
     speeds: Array
@@ -93,8 +95,9 @@ class MeanFrequencies:
         return replace(self, speeds=np.array([speed])).values[0]
 
     def shift_notes(self) -> list[str]:
-        """List with a note on the speeds at which C changes a mean frequency by more than the fraction
-        `CLOSE`. It is empty if there are no such speeds. Speeds with imaginary frequencies are excluded."""
+        """Notes on speeds at which C changes a mean frequency by more than the fraction `CLOSE`: a list with
+        one note, or an empty list if there are no such speeds. Speeds with imaginary frequencies are
+        excluded."""
         real = self.speeds[~self.imaginary & np.isfinite(self.values[:, 0])]
         speeds = real[:: max(1, len(real) // _SAMPLES)]
         shifts = np.array([shift_by_rates(self.system, speed) for speed in speeds.tolist()])
@@ -112,8 +115,8 @@ class MeanFrequencies:
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
     """Return the combination resonances (ω̄i ± ω̄j)/k within the range of the speeds, in descending order of
-    speed, for those orders k up to `orders` that the period of the matrices permits. Integer divisions of a
-    single frequency are excluded."""
+    speed. The orders k are those up to `orders` that the period of the matrices permits. Integer divisions of
+    a single frequency are excluded."""
     listed = [
         Combination(speed, (high + 1, low + 1), sign, order)
         for low, high, sign, weights in _sums_of_two(frequencies.rigid, frequencies.values.shape[1])

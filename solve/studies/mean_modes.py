@@ -12,11 +12,11 @@ from solve.system import PeriodicSystem
 
 _PHASES, _FEW_PHASES = 64, 16
 """Number of phases for the means, and for the comparison of the means with and without C. Chosen by
-judgement: both converge exponentially."""
+judgement: means and comparison converge exponentially."""
 
 _NEAR = 0.5
-"""Two frequencies count as close at a phase if their difference is below this fraction of its maximum over
-the period. Chosen by judgement."""
+"""Two frequencies count as close at a phase if the difference between them is below this fraction of the
+maximum difference over the period. Chosen by judgement."""
 
 
 class MeanModes(NamedTuple):
@@ -35,11 +35,12 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     Speed 0 is the mechanism at rest. Raises SolveError subclasses, and LinAlgError if there are no matrices.
 
     For systems with first-order coordinates, frequencies are moduli of the complex eigenvalues of the frozen
-    system, and rates are the means of their real parts without approximation.
+    system. Rates are the means of the decay rates of these eigenvalues, without approximation.
 
     Where frequencies cross, modes are followed by their shapes, see `_follow`. Modes that exchange their
-    ranks within a period have a common mean. A small component of the vibration keeps its rank; if it decays
-    so slowly that it dominates after a period, the sorted frequencies are averaged instead.
+    ranks within a period have a common mean. A small component of the vibration keeps its rank; if this
+    component decays so slowly that it dominates after a period, the means are those of the sorted
+    frequencies.
     """
     step = system.period / _PHASES
     M, C, K, d = system.at((np.arange(_PHASES) + 0.5) * step, speed)
@@ -112,12 +113,12 @@ def _without_smallest(values: Array, count: int) -> Array:
 
 def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
     """Follow n modes through k phases, of which `rate` pass per second. Return the rank (k, n) of each mode
-    at each phase; the index (n,) of the mode whose rank each mode takes after the period; and the logarithm
-    of the component of a vibration that keeps its rank although its mode changes rank.
+    at each phase; for each mode, the index (n,) of the mode whose rank it takes after the period; and the
+    logarithm of a component of the vibration. This component keeps its rank although its mode changes rank.
 
     While the mode shapes rotate faster than the frequencies differ, θ rate > Δω, the vibration cannot follow
-    them and keeps its shape. By the Landau-Zener formula (C. Zener, Proceedings of the Royal Society A 137,
-    1932, 696), more than half of it then changes its rank in an avoided crossing.
+    the mode shapes and keeps its own shape. By the Landau-Zener formula (C. Zener, Proceedings of the Royal
+    Society A 137, 1932, 696), more than half of the vibration then changes rank in an avoided crossing.
     """
     count, n = frequencies.shape
     following, identity = np.roll(np.arange(count), -1), np.arange(n)
@@ -170,9 +171,9 @@ def _overlaps(left: Array, shapes: Array, others_left: Array, others: Array) -> 
 
 
 def _mean_over_cycles(means: Array, next_modes: Array) -> Array:
-    """Return means (2, n) over the number of periods after which each mode returns to its rank, from the
-    means over one period. `next_modes` (n,) are the indices of the modes whose ranks the modes take after a
-    period."""
+    """Return the means (2, n) of each mode over the number of periods after which the mode returns to its
+    rank. `means` (2, n) are the means over one period. After a period, mode i takes the rank of the mode with
+    the index `next_modes[i]`."""
     averaged = means.copy()
     for mode in range(len(next_modes)):
         cycle = [mode]

@@ -33,7 +33,7 @@ _PHASE, _POSITION = "_phase", "position"
 ENDINGS = ".csv", ".mat", ".uff", ".unv"
 
 AXES = {"phase": "rad", "time": "s", "order": "1", "mode": "1"}
-"""Allowed names of the column of the independent variable, with their units."""
+"""Mapping from the allowed names of the independent variable to their units."""
 
 _ABSCISSAS = {"s": "time", "deg": "phase", "rad": "phase", "order": "order", "1": "order"}
 """Mapping from labels of units in universal files to names of the independent variable."""
@@ -51,9 +51,9 @@ FREQUENCY = "frequency"
 
 
 class Record(NamedTuple):
-    """Content of a measurement file. The titles of its columns end in a unit. `columns` contains the values
-    (k,) of each column. For a CSV table, `columns` is None and `texts` contains the rows: a column is parsed
-    only when it is read, so that unused columns may contain anything."""
+    """Content of a measurement file. Each title in `titles` ends in a unit. `columns` contains the values
+    (k,) of each column. For a CSV table, `columns` is None, and `texts` contains the unparsed rows. A column
+    is parsed only when it is used, so that unused columns may contain anything."""
 
     path: Path
     titles: Sequence[str]
@@ -167,8 +167,8 @@ class Measured:
 
     `at` (k,) contains phases in rad or, if `orders` is True, orders counted per period. `channels` maps each
     coordinate or output to its values (k,); amplitudes of orders are complex if phase angles are given,
-    otherwise moduli. `position` is the phase at which natural frequencies were measured at rest. In this
-    case, `at` contains the numbers of the modes, from 1, and FREQUENCY is the only channel.
+    otherwise moduli. For natural frequencies, `position` is the phase at which the mechanism was at rest,
+    `at` contains the numbers of the modes, from 1, and FREQUENCY is the only channel.
     """
 
     speed: float
@@ -182,13 +182,13 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     """Read measurements from a .csv, .mat, .uff or .unv file, one measurement per speed or position.
 
     Each title of a column ends in a unit. The first column is "phase (deg)", "time (s)" or "order (1)". The
-    next columns are coordinates and outputs, for example "q3 (m)". For orders, their phase angles may be
-    added, for example "q3_phase (deg)". Alternatively, the first column is "mode (1)", followed by "frequency
-    (Hz)" and, if needed, "position (deg)".
+    next columns are coordinates and outputs, for example "q3 (m)". Phase angles of orders may be added, for
+    example "q3_phase (deg)". Alternatively, the first column is "mode (1)", followed by "frequency (Hz)" and,
+    if needed, "position (deg)".
 
-    A column "speed (rpm)" at any place distinguishes measurements at several speeds; without it, `speed`
-    (rad/s) applies. If the first column is the time, a column of the phase, as in files of orbits, is not
-    read. Raises CaseFileError, UnitError, UnknownNameError, MissingValueError, ValueOutOfBoundsError.
+    A column "speed (rpm)" at any place distinguishes measurements at several speeds. Without this column,
+    `speed` (rad/s) applies. If the first column is the time, a column of the phase, as in files of orbits, is
+    not read. Raises CaseFileError, UnitError, UnknownNameError, MissingValueError, ValueOutOfBoundsError.
     """
     read = record(file)
     names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in read.titles]
@@ -252,8 +252,8 @@ def compared_at_speed(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
 
 
 def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
-    """Return complex amplitudes (k,) of orders. If `angles` is False, their moduli are returned instead,
-    except that the mean keeps its sign."""
+    """Return complex amplitudes (k,) of orders. If `angles` is False, moduli are returned instead, except
+    that the mean keeps its sign."""
     size, angle = orbit.harmonics(name, round(orders.max()))
     at = np.round(orders).astype(int)
     return (size * np.exp(1j * angle))[at] if angles else size[at]

@@ -25,8 +25,8 @@ _SAME = 1e-6
 judgement."""
 
 _LEAST_EXCHANGE = 4.0
-"""Smallest ratio of the range of values to the width of a veering with which the veering is listed. In a
-wider veering, the modes exchange their vectors only in part. Chosen by judgement."""
+"""A veering is listed if the ratio of the range of values to the width of the veering is at least this
+number. In a wider veering, the modes exchange their vectors only in part. Chosen by judgement."""
 
 
 class Identities(NamedTuple):
@@ -78,8 +78,8 @@ class _Path:
         return np.array([[sample.modes.rotation] for sample in self.samples])
 
     def partners(self) -> Array:
-        """Index (S, T) of the track that contains the complex conjugate mode: the track itself if its
-        multiplier is real, -1 if there is none."""
+        """Index (S, T) of the track that contains the complex conjugate of each track's mode. It is the index
+        of the same track if the multiplier is real, and -1 if no track contains the conjugate."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             track_of = np.full(len(sample.modes.exponents) + 1, -1)
@@ -125,8 +125,9 @@ def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Iden
 
 
 def _main_harmonic(path: _Path, given: Array, track: int) -> int:
-    """Return the harmonic whose participation, summed over all given values, is largest; its number is that
-    in the track. Of several harmonics with equal sums, the one with the highest frequency is returned."""
+    """Return the number, as counted in the track, of the harmonic whose participation is largest when summed
+    over all given values. If several harmonics have equal sums, the harmonic with the highest frequency is
+    returned."""
     totals: dict[int, float] = {}
     frequencies: dict[int, float] = {}
     for at in given.tolist():
@@ -153,8 +154,8 @@ def _every_harmonic(modes: ModeVectors) -> Array:
 
 def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[Array, Array]:
     """Return the first track of each conjugate pair, and the exponents (S, T). Of two conjugate exponents,
-    the one whose imaginary part is positive on average is returned; where the multipliers are real, the less
-    damped one."""
+    the one whose imaginary part is positive on average is returned. Where the multipliers are real, the
+    exponent of the less damped mode is returned."""
     partners, columns = path.partners(), exponents.copy()
     tracks = [track for track in range(exponents.shape[1]) if twins.get(track, track) >= track]
     for track in tracks:
@@ -202,7 +203,7 @@ def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str
 
 
 def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[Ambiguity]:
-    """Return the ambiguities in ascending order. Those of the same pair and kind are joined where their
+    """Return the ambiguities in ascending order. Ambiguities of the same pair and kind are joined if their
     ranges touch."""
     ambiguities = set()
     for doubt in doubts:
@@ -245,8 +246,8 @@ def _crossings(
     labels: Sequence[str],
     ambiguous: Sequence[Ambiguity],
 ) -> list[Meeting]:
-    """Return the crossings of unfolded frequencies, from exponents (S, M), with values interpolated between
-    samples. Crossings of ambiguous pairs are omitted."""
+    """Return the crossings of unfolded frequencies, from exponents (S, M). The values at which they cross are
+    interpolated between samples. Crossings of ambiguous pairs are omitted."""
     crossings, frequencies = [], np.abs(np.imag(exponents))
     for first, second in itertools.combinations(range(len(labels)), 2):
         difference, pair = frequencies[:, first] - frequencies[:, second], (labels[first], labels[second])

@@ -13,7 +13,7 @@ from solve.studies.mode_vectors import ModeVectors
 
 _MAX_SHIFT = 64
 """Largest difference between the harmonic numbers of a mode at two neighbouring points. Chosen by judgement.
-If speeds are 1 % apart, it suffices for frequencies up to the 6400th harmonic."""
+If speeds are 1 % apart, this limit suffices for frequencies up to the 6400th harmonic."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,8 @@ class CoupledPairs:
     roots : (2, r, S)
         Exceptional points t±, complex; t is 0 at the first point and 1 at the second.
     coupling : (r, S)
-        2√|C|, the smallest distance in rad/s between the exponents of two modes with this coupling.
+        2√|h₁₂ h₂₁| of the matrix H(1) in `exceptional_points`: the smallest distance in rad/s between the
+        exponents of two modes with this coupling.
     noise : (r,)
         Size below which the coupling may be a numerical error.
     gap : (r, S)

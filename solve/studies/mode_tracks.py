@@ -1,8 +1,8 @@
 """Identity of Floquet modes as a parameter varies, by adaptive refinement until the identity is unambiguous.
 
-Modes are followed from one sample to the next. Their identity is unambiguous if every mode overlaps with only
-one mode of the next sample, and if no exceptional point of two coupled modes lies near the segment between
-the two samples. Otherwise, a sample is added in the middle.
+Modes are followed from one sample to the next. Their identity is unambiguous if two conditions hold: every
+mode overlaps with only one mode of the next sample, and no exceptional point of two coupled modes lies near
+the segment between the samples. Otherwise, a sample is added in the middle.
 """
 
 from collections.abc import Callable, Collection
@@ -39,19 +39,20 @@ Chosen by judgement."""
 _WIDE, _FEWEST_LOCKED = 0.5, 4
 """A pair counts as locked if the distance between its two real exceptional points, relative to the step,
 exceeds the first number after at least the second number of bisections. Vectors that rotate with the
-parameter show an apparent coupling, which decreases with the square of the step; relative to the step, the
-distance between the exceptional points that it produces decreases in proportion to the step."""
+parameter show an apparent coupling, which is proportional to the square of the step. The apparent coupling
+produces exceptional points; the distance between them, relative to the step, is proportional to the step."""
 
 
 _NEAR, _NARROW = 1.0, 0.1
-"""The vector of a mode is not used as a reference if the exceptional points of the mode and its own conjugate
-are nearer to the segment than the first number and half of their separation exceeds the second number, both
-relative to the step. Narrower resonances lie between two samples. Chosen by judgement."""
+"""Limits, relative to the step, for the two exceptional points of a mode and its own conjugate. The vector of
+the mode is not used as a reference if these points are nearer to the segment than the first number, and half
+the distance between the points exceeds the second number. Narrower resonances lie between two samples. Chosen
+by judgement."""
 
 
 _TIE = 0.01
-"""Weight of the overlap with the last sample if a track is compared with an earlier sample. It only decides
-between equal overlaps with the earlier sample. Chosen by judgement."""
+"""Weight of the overlap with the last sample if a track is compared with an earlier sample. This overlap
+matters only if overlaps with the earlier sample are equal. Chosen by judgement."""
 
 _FARTHEST = 8.0
 """Distance of exceptional points, relative to the step, up to which the linear model locates them. Chosen by
@@ -76,8 +77,8 @@ class Doubt(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """Two coupled tracks, the two complex exceptional points that they approach, and the gap in rad/s between
-    their exponents."""
+    """Two coupled tracks, the two complex exceptional points near which they pass, and the gap in rad/s
+    between the exponents of the tracks."""
 
     first: int
     second: int
@@ -116,7 +117,8 @@ class Tracks:
     budget : int
         Number of samples that may still be added.
     exhausted : float or None
-        Value at which the budget was exhausted; beyond it, samples that were required were not added.
+        Value at which the budget was exhausted. Beyond this value, further samples were required but not
+        added.
     """
 
     solve: Callable[[float], ModeVectors | None]
@@ -182,8 +184,8 @@ class Step:
         self.quality = self._quality()
 
     def _references(self) -> tuple[State, Array]:
-        """Return the state with which each track is compared, and its overlaps (T, k, S) with k modes of the
-        next sample at S shifts."""
+        """Return the state with which each track is compared, and the overlaps (T, k, S) of T tracks with k
+        modes of the next sample at S shifts."""
         tracks = self.tracks
         modes, shifts = (values.copy() for values in tracks.states[tracks.base])
         products = np.where((modes >= 0)[:, None, None], self.overlaps.products[modes], 0.0)
@@ -329,8 +331,8 @@ class Step:
         return abs(turns - round(turns)) * modes.rotation <= limit < abs((one - other).real)
 
     def _is_released(self, track: int, near: Collection[int]) -> bool:
-        """Return whether a held track can be compared with the last sample again: its eigenvector is no
-        longer mixed, or the earlier sample is too different."""
+        """Return whether a held track can be compared with the last sample again. This is the case if the
+        eigenvector of the track is no longer mixed, or if the earlier sample is too different."""
         mode = self.modes[track]
         is_real = mode >= 0 and track in self.tracks.twins and self.sample.modes.partners[mode] == mode
         if any(track in pair for pair in self.tracks.locked):
@@ -348,7 +350,8 @@ class Step:
         return bool((self.sample.modes.coincident[np.ix_(after, after)] & ~coincident_before).any())
 
     def _note_approaches(self) -> None:
-        """Record the exceptional points of coupled pairs if their midpoint lies within this step."""
+        """For each coupled pair, record the two exceptional points if the midpoint between them lies within
+        this step."""
         pairs, width = self.pairs, self.sample.x - self.before.x
         middle = np.real(pairs.roots).mean(axis=0)
         is_near = pairs.coupled & (middle >= 0) & (middle < 1) & (pairs.distance < _FARTHEST)

@@ -23,8 +23,8 @@ from solve.period.product_eigenvalues import (
 )
 
 SURE = 10.0
-"""Smallest ratio of the difference of two exponents to the sum of their estimated errors with which they
-count as distinct. Chosen by judgement."""
+"""Two exponents count as distinct if the ratio of their difference to the sum of their estimated errors is at
+least this number. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +67,8 @@ class ModeVectors:
 
     @property
     def resolved(self) -> bool:
-        """Whether the nodes resolve the harmonics of all modes: the upper third of the harmonics must not
-        contain a larger fraction of a mode than `solve.period.floquet_modes` permits."""
+        """Whether the nodes resolve the harmonics of all modes: in no mode may the fraction in the upper
+        third of the harmonics exceed the limit of `solve.period.floquet_modes`."""
         most = (len(self.nodes) - 1) // 2
         harmonics = np.arange(-most, most + 1)
         power = self.power(harmonics).sum(axis=1)
@@ -113,9 +113,9 @@ class ModeVectors:
 
 
 def mode_vectors(point: SinglePoint, method: Method, steps: int, rtol: float, engine: str) -> ModeVectors:
-    """Compute the modes of a point by a method with step maps. Errors are estimated with one more stage per
-    step; they correspond to relative errors of the multipliers of at least `rtol`. Raises SolveError
-    subclasses."""
+    """Compute the modes of a point by a method with step maps. The errors of the exponents are estimated with
+    one more stage per step. They correspond to relative errors of at least `rtol` in the multipliers. Raises
+    SolveError subclasses."""
     finer = method.with_another_stage
     assert finer is not None
     frozen_modes = frozen(point)

@@ -1,6 +1,6 @@
 """Optimisation of parameters with guaranteed stability: the largest vibration at any of several speeds is
-minimised, with exact derivatives. The spectral radius is increased by its error estimate before it is
-compared with its limit."""
+minimised, with exact derivatives. The limit of the spectral radius applies to the sum of the radius and its
+error estimate."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -104,9 +104,9 @@ def optimise(
 
     Notes
     -----
-    The optimisation minimises a bound on all local extrema that may be the largest. At every speed, the
-    spectral radius plus its error stays below 1; for a model without damping, it equals 1 within its error.
-    The optimum is a local one.
+    The optimisation minimises an upper bound on the local extrema that may become the largest. At every
+    speed, the spectral radius plus its error stays below 1; for a model without damping, it equals 1 within
+    its error. The optimum is a local one.
 
     Examples
     --------
@@ -230,8 +230,8 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
 
 
 def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any], list[str]]:
-    """Return the objective and the verdicts of nonlinear orbits, and proved verdicts; and sentences on
-    results that these do not confirm."""
+    """Return a mapping, and sentences on results that are not confirmed. The mapping contains the objective
+    and the verdicts of nonlinear orbits and, if `prove` is True, the proved verdicts."""
     design, model = search.design, search.design.varied(best.x)
     confirmed: dict[str, Any] = {}
     doubts: list[str] = []
@@ -260,8 +260,8 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
 
 
 def _contradictions(search: Search, best: State, value: float, points: Sequence[DesignPoint]) -> list[str]:
-    """Return sentences on the objective and the bounds where nonlinear orbits contradict the linear model.
-    `value` is the objective of the nonlinear orbits."""
+    """Return sentences on the objective, and on the bounds, for which nonlinear orbits contradict the linear
+    model. `value` is the objective of the nonlinear orbits."""
     doubts, minimised = [], search.minimise
     linear = float(search.values(search.design.points(best.x)).max())
     if abs(value - linear) > ACCEPTABLE_ERROR * max(abs(value), abs(linear)):

@@ -47,14 +47,14 @@ _RESTARTS = 4
 nearby. Chosen by judgement."""
 
 _VIOLATION = 1e-7
-"""Largest violation of a bound, divided by its scale, with which the bound counts as satisfied. Chosen by
-judgement."""
+"""A bound counts as satisfied if its violation, divided by the scale of the bound, is at most this number.
+Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class State:
-    """Design `x` with its objective, which is the largest value at any speed, and its largest violation of a
-    requirement (0 if it violates none)."""
+    """Design `x`. `objective` is the largest value at any speed. `violation` is the largest violation of a
+    requirement, or 0 if no requirement is violated."""
 
     x: Array
     objective: float
@@ -66,9 +66,9 @@ class State:
         return self.violation <= _VIOLATION
 
     def better_than(self, other: "State") -> bool:
-        """Whether this design is preferred to another. A feasible design is better if its objective is lower.
-        An infeasible design is better if its violation is less than half, or if neither its violation nor its
-        objective is higher."""
+        """Whether this design is preferred to `other`. If `other` is feasible, this design must be feasible
+        and have a lower objective. Otherwise, this design must have less than half the violation of `other`,
+        or a lower objective without a larger violation."""
         if other.feasible:
             return self.feasible and self.objective < other.objective
         lower = self.violation <= other.violation and self.objective < other.objective
@@ -106,7 +106,7 @@ class Search:
         self._evaluate_kept()
 
     def _evaluate_kept(self) -> None:
-        """Evaluate the quantities to be kept unchanged, whose initial values depend only on the start and the
+        """Evaluate the quantities to be kept unchanged. Their initial values depend only on the start and the
         speeds."""
         self.kept_values = KeptValues(self.design, self.kept)
         self.equations, self.kept_limits = self.kept_values.equations(), self.kept_values.limits()
@@ -138,8 +138,8 @@ class Search:
         return np.full(len(points), Function(self.design, self.minimise).value(points))
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
-        """Values (k,) of the objective at the speeds, for a robust objective over the deviating machines.
-        `points` are the solutions at x."""
+        """Values (k,) of the objective at the speeds. For a robust objective, they are statistics over the
+        deviating machines. `points` are the solutions at x."""
         if self.statistic is None:
             return self.values(points)
         return np.concatenate([each.values(x) for each in self._objective(x)])
@@ -153,8 +153,8 @@ class Search:
         return [requirement for requirement, _ in self.bounded(points)] + changes
 
     def bounded(self, points: Sequence[DesignPoint]) -> list[tuple[Requirement, float]]:
-        """Bounds with their worst values at any of the speeds, and their violations, which are negative for
-        satisfied bounds."""
+        """For the spectral radius and for each bound: a requirement with the worst value at any of the
+        speeds, and the violation, which is negative if the bound is satisfied."""
         radius = max(map(safe_radius, points))
         bounded = [(Requirement(RADIUS, radius, self.limit), radius - self.limit)]
         for each in self.bounds:

@@ -1,5 +1,6 @@
-"""Sweeps in which orbits are computed one by one: nonlinear orbits, the iteration for which starts from the
-nearest solved point, and the prescribed motions of mechanisms without coordinates."""
+"""Sweeps in which orbits are computed one by one. The orbits are either nonlinear orbits, for which the
+iteration starts from the nearest solved point, or the prescribed motions of mechanisms without
+coordinates."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -61,8 +62,8 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
 def _solve(
     task: Task, points: Array, at: int, results: PointResults, orbits: dict[int, NonlinearOrbit]
 ) -> None:
-    """Solve point `at`, write its results, and add its orbit to `orbits`, from which neighbouring points
-    start."""
+    """Solve point `at`, write its results, and add its orbit to `orbits`. The solutions of neighbouring
+    points start from these orbits."""
     try:
         orbit = _orbit(task, points, at, orbits)
     except LinearModelError:

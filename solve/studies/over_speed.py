@@ -17,8 +17,8 @@ SPECTRAL_RADIUS = Named(RADIUS, "1", RADIUS)
 """Spectral radius as a named quantity."""
 
 _TOLERANCE = 1e-10
-"""Tolerance of the edge of a band, relative to its speed. Chosen by judgement: far below that of the
-optimum."""
+"""Tolerance of the speed at the edge of a band, relative to this speed. Chosen by judgement: it is far below
+the tolerance of the optimum."""
 
 _BRACKETS = 0.25, 0.02
 """Half-widths of the brackets around a predicted edge, relative to the initial width of the band. Chosen by
@@ -33,12 +33,12 @@ judgement."""
 
 _DIFFERENCE = 1e-6
 """Relative step of the speed in the central difference for the derivative of the spectral radius at an edge.
-It is near the cube root of the round-off, which balances the errors of a central difference."""
+It is near the cube root of the round-off. This step balances the two errors of a central difference."""
 
 
 class PeakSpeed(NamedTuple):
-    """Speed of a local maximum, and the distance to the two neighbouring speeds by which the maximum is
-    followed."""
+    """Speed of a local maximum, and the distance to each of the two neighbouring speeds that are used to
+    follow the maximum."""
 
     speed: float
     spacing: float
@@ -69,7 +69,8 @@ class Peak:
 
 
 def _weights(values: Array) -> Array:
-    """Return the weights (3, k) of three values (3, k) in the maximum of the parabola through them."""
+    """Return weights (3, k) of `values` (3, k). The weighted sum of the three values is the maximum of the
+    parabola through them."""
     low, middle, high = values
     slope, bend = (high - low) / 2, low - 2 * middle + high
     is_peak = bend < 0
@@ -121,7 +122,7 @@ class BandEdge:
 
     @property
     def may_leave(self) -> bool:
-        """Whether the edge may leave the range within the bounds of the design: the derivatives for the
+        """Whether parameters within their bounds can move the edge out of the range. The derivatives for the
         initial design must predict at least half of the required shift."""
         (distance,), (slopes,) = self.values(self.x), self.slopes(self.x)
         decrease = float(np.maximum(slopes * self.x, slopes * (self.x - 1)).sum())
@@ -132,8 +133,8 @@ class BandEdge:
         return -1.0 if self.is_lower else 1.0
 
     def _found(self, x: Array) -> _Edge | None:
-        """Return the edge for the design x, followed from the nearest known edge; None if the band has closed
-        on the way.
+        """Return the edge for the design x, followed from the nearest known edge. Return None if the band
+        closes before the design x is reached.
 
         Raises NoResultError if the edge is too far away.
         """
@@ -150,8 +151,8 @@ class BandEdge:
         raise NoResultError("an edge of an unstable band is too far away to be followed")
 
     def _refined(self, x: Array, known: _Edge) -> float | None:
-        """Return the edge for the design x, searched for near the prediction from a known edge; None if it is
-        not found there."""
+        """Return the edge for the design x, searched for near the prediction from a known edge. Return None
+        if no edge is found there."""
         from scipy.optimize import brentq
 
         predicted = known.speed + float(known.slopes @ (x - known.x))

@@ -11,8 +11,8 @@ from solve.results.points import Kept, PointResults
 
 
 def kept_for(quantities: Sequence[Named], limited: Sequence[str] = ()) -> Kept:
-    """Return the selection of data that must be stored at each point for the quantities, and for the
-    coordinates and outputs with limits, `limited`."""
+    """Return the selection of data that must be stored at each point. They are the data for `quantities`, and
+    the data for `limited`, the coordinates and outputs with limits."""
     of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
     orders = [quantity.number for quantity in of_orbit if quantity.figure == HARMONIC]
     spectra = dict.fromkeys(quantity.subject for quantity in of_orbit if quantity.figure == HARMONIC)
@@ -22,7 +22,7 @@ def kept_for(quantities: Sequence[Named], limited: Sequence[str] = ()) -> Kept:
 
 def values_of(quantity: Named, results: PointResults, speeds: Array, period: float) -> Array:
     """Return the values (P,) of a quantity; NaN at points without a result. Speeds (P,) are in rad/s;
-    `period` is a phase."""
+    `period` is the period as a phase in rad."""
     if quantity.figure == HARMONIC:
         return results.amplitudes[:, results.kept.spectra.index(quantity.subject), quantity.number]
     if quantity.of_orbit:
@@ -36,9 +36,9 @@ def values_of(quantity: Named, results: PointResults, speeds: Array, period: flo
 
 
 def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Array, period: float) -> Array:
-    """Return the estimated absolute errors (P,) of `values` (P,). They follow from the errors of the orbit,
-    which are relative to its largest absolute value, or from the errors of the multipliers, which are
-    relative to the spectral radius."""
+    """Return the estimated absolute errors (P,) of `values` (P,). They are computed from relative errors in
+    `results`. The errors of an orbit are relative to the largest absolute value of the coordinate or output.
+    The errors of multipliers are relative to the spectral radius."""
     orbit, multipliers = results.errors.T
     if quantity.of_orbit:
         place = results.kept.names.index(quantity.subject)

@@ -17,8 +17,8 @@ from solve.errors import SolveError
 from solve.results.tolerances import Probability
 
 Gradient = Callable[[Array], tuple[float, Array]]
-"""Type of functions of z (r,) that return the margin of an event, positive where the event occurs, and the
-derivatives (r,) of the margin."""
+"""Type of functions of z (r,). Such a function returns the margin of an event, which is positive where the
+event occurs, and the derivatives (r,) of the margin."""
 
 QUANTILE = 1.959963984540054
 """Quantile of the normal distribution for 95 % intervals."""
@@ -28,15 +28,15 @@ SEARCH_SPREAD = 2.5
 4.3 standard deviations, with probability 1e-5, is then found by one sample in 23."""
 
 _PLAIN, _WIDE = 0.3, 0.2
-"""Fractions of the samples of a mixture that are drawn about 0 with unit standard deviation and with the
-larger `SEARCH_SPREAD`. Chosen by judgement: with these fractions, intervals for events that surround 0 in
-three dimensions contain the true value as often as other intervals."""
+"""Two fractions of the samples of a mixture, which are drawn about 0: the first with unit standard deviation,
+the second with the larger `SEARCH_SPREAD`. Chosen by judgement: with these fractions, intervals for events
+that surround 0 in three dimensions contain the true value as often as other intervals."""
 
 _FEW = 10
-"""Effective number of events, (Σw)²/Σw² of their weights w (L. Kish, Survey Sampling, 1965), below which they
-may lie at the margin of a region that the samples miss. The upper end of the interval is then at least that
-without events. Measured: of 60 intervals for two narrow ranges of instability, 14 did not contain the true
-value; with this limit, 4 do not."""
+"""Effective number of events, (Σw)²/Σw² of their weights w (L. Kish, Survey Sampling, 1965), below which the
+events may lie at the margin of a region that the samples miss. The upper end of the interval is then at least
+as large as it would be without events. Measured: of 60 intervals for two narrow ranges of instability, 14 did
+not contain the true value; with this limit, 4 do not."""
 
 _STEPS, _STEP_END = 12, 0.02
 """Maximum number of Newton steps to the nearest point of an event, and change of z below which the iteration
@@ -50,8 +50,8 @@ MAX_CENTRES = 8
 """Maximum number of centres of a mixture; those nearest to 0 are kept. Chosen by judgement."""
 
 _COVERED = 1.0
-"""Events belong to a centre if they are beyond the tangent plane through the centre, or on the side of 0 up
-to this distance from the plane. Chosen by judgement."""
+"""An event belongs to a centre if it lies beyond the tangent plane through the centre, or on the other side,
+where 0 lies, within this distance of the plane. Chosen by judgement."""
 
 
 class Mixture(NamedTuple):
@@ -64,8 +64,8 @@ class Mixture(NamedTuple):
 
     @classmethod
     def about(cls, centres: Sequence[Array], dimensions: int, samples: int) -> "Mixture":
-        """Mixture for a total number of samples about 0, about 0 with a larger spread (for regions far from
-        all centres), and about the centres."""
+        """Mixture for a total number of samples. Some are drawn about 0, some about 0 with a larger spread
+        (for regions far from all centres), and the others about the centres."""
         origin = np.zeros(dimensions)
         if not len(centres):
             return cls(origin[None], np.ones(1), np.array([samples]))
@@ -105,9 +105,9 @@ class Mixture(NamedTuple):
 
     def _interval(self, weights: Array, events: Array) -> tuple[float, float, float]:
         """Probability of events (P,) and the ends of its interval (E. B. Wilson, J. Am. Stat. Assoc. 22
-        (1927) 209-212). The interval is that for the number of equally weighted samples with the same
-        variance. The probability of a frequent event is 1 minus that of the opposite event, whose variance is
-        smaller, because the mean of the weights differs from 1."""
+        (1927) 209-212). The interval is computed for the number of equally weighted samples that has the same
+        variance. For a frequent event, the probability of the opposite event is computed and subtracted from
+        1. This reduces the variance, because the mean of the weights differs from 1."""
         weighted = weights * events
         opposite = weights - weighted
         if opposite.sum() < weighted.sum():
@@ -137,8 +137,9 @@ def normal_variables(cube: Array) -> Array:
 
 
 def centres_of(gradient: Gradient, found: Array) -> list[Array]:
-    """Return at most `MAX_CENTRES` points of an event that are nearest to z = 0: the point reached from 0,
-    and one point for each separate group of the samples `found` (k, r) at which the event occurs."""
+    """Return at most `MAX_CENTRES` points of an event that are nearest to z = 0: the point that the search
+    reaches from z = 0, and one point for each separate group of samples. `found` (k, r) are the samples at
+    which the event occurs."""
     starts, centres = [np.zeros(found.shape[1])], []
     with suppress(SolveError):
         if gradient(starts[0])[0] > 0:
@@ -159,9 +160,9 @@ def centres_of(gradient: Gradient, found: Array) -> list[Array]:
 
 
 def _nearest(gradient: Gradient, z: Array) -> Array | None:
-    """Return the point of an event that is nearest to z = 0, by the iteration of A. M. Hasofer and N. C. Lind
-    (J. Eng. Mech. Div. ASCE 100 (1974) 111-121) and R. Rackwitz and B. Fiessler (Comput. Struct. 9 (1978)
-    489-494), started from `z`; None if the iteration does not converge."""
+    """Return the point nearest to z = 0 at which an event occurs; None if the iteration does not converge.
+    The iteration starts from `z`; it is that of A. M. Hasofer and N. C. Lind (J. Eng. Mech. Div. ASCE 100
+    (1974) 111-121) and R. Rackwitz and B. Fiessler (Comput. Struct. 9 (1978) 489-494)."""
     for _ in range(_STEPS):
         try:
             margin, slopes = gradient(z)

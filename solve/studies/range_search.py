@@ -17,8 +17,8 @@ from solve.studies.optimum_search import STATIONARY, Search, State
 from solve.studies.over_speed import BandEdge, PeakSpeed
 
 _BETWEEN, _MAX_ROUNDS = 4, 10
-"""Number of parts into which each interval of speeds is divided to check an optimum between the speeds, and
-maximum number of rounds in which maxima are added. Chosen by judgement."""
+"""Number of parts into which each interval of speeds is divided when an optimum is checked between the
+speeds; and maximum number of rounds in which maxima are added. Chosen by judgement."""
 
 _MAX_BANDS = 4
 """Maximum number of unstable bands that are removed, one after another. Chosen by judgement."""
@@ -32,14 +32,14 @@ _SPEED_TOLERANCE = 1e-5
 of the error of the speed. Chosen by judgement."""
 
 _DROP = 1e-3
-"""Relative decrease of the value from a maximum to the two neighbouring speeds by which it is followed, while
-maxima are added. Afterwards it is √rtol, which balances the errors of the orbits and of the parabola. Chosen
-by judgement."""
+"""Relative decrease of the value from a maximum to the two neighbouring speeds that are used to follow it.
+This decrease applies while maxima are added. Afterwards, √rtol is used, which balances the errors of the
+orbits and of the parabola. Chosen by judgement."""
 
 _SPACING, _WIDER = (1e-4, 1e-2), 10.0
-"""Smallest and largest distance between a maximum and the two neighbouring speeds by which it is followed,
-relative to the speed; and multiple of the smallest distance at which the decrease is computed. Chosen by
-judgement."""
+"""Smallest and largest distance, relative to the speed, between a maximum and the two neighbouring speeds
+that are used to follow it. The decrease of the value is computed at the smallest distance multiplied by the
+third number. Chosen by judgement."""
 
 _SAME_PEAK = 4.0
 """A new maximum replaces a previous one if the distance between them is at most this multiple of the spacing
@@ -72,8 +72,8 @@ def over_range(search: Search, state: State) -> tuple[State, list[str]]:
 
 
 def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
-    """Return an optimum for which local maxima between the given speeds are followed if they are worse than
-    the values at the given speeds; and reasons for doubt."""
+    """Return an optimum, and reasons for doubt. The search for the optimum follows the local maxima between
+    the given speeds that are worse than the values at the given speeds."""
     drop, fine = _DROP, min(_DROP, math.sqrt(search.design.rtol))
     for _ in range(_MAX_ROUNDS):
         found = _worse_between(search, state, drop)
@@ -101,9 +101,9 @@ def _with_peaks(search: Search, state: State) -> tuple[State, list[str]]:
 
 
 def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Iterator[_Trial]:
-    """Yield optima in which the first of the missed bands is closed, lies above the range, or lies below the
-    range; those of the three that can be found. At the end, the search follows the same maxima and edges as
-    before."""
+    """Yield up to three optima, with the maxima and edges followed to find each. In one, the first of the
+    missed bands is closed; in another, it lies above the range; in another, below the range. Optima that are
+    not found are omitted. At the end, the search follows the same maxima and edges as before."""
     (peaks, edges), design = (search.peaks, search.edges), search.design
     band, low, high = missed[0], search.given[0], search.given[-1]
     width = band.high - band.low
@@ -128,7 +128,8 @@ def _without_band(search: Search, state: State, missed: Sequence[Band]) -> Itera
 
 def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]:
     """Return the local maxima versus speed, of the objective or of a bounded quantity, that are worse than
-    all values at the design speeds. Their spacing is the distance within which they decrease by `drop`."""
+    all values at the design speeds. The spacing of each maximum is the distance, in speed, within which the
+    value decreases by `drop`."""
     from scipy.optimize import minimize_scalar
 
     found = []
@@ -145,7 +146,8 @@ def _worse_between(search: Search, state: State, drop: float) -> list[PeakSpeed]
         return excess_of(*search.design.at(state.x, [float(speed)]))
 
     def spacing(speed: float, top: float) -> float:
-        """Return the distance within which the excess decreases from `top` by `drop`."""
+        """Return the distance, in speed, within which the excess decreases from its maximum `top` by
+        `drop`."""
         near = _SPACING[0] * _WIDER * speed
         decrease = top - (excess(speed - near) + excess(speed + near)) / 2
         wanted = near * math.sqrt(drop / decrease) if decrease > 0 else math.inf

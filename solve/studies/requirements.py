@@ -21,7 +21,8 @@ from solve.system import PeriodicSystem
 from solve.units import apart, in_unit, quantity
 
 RANGE = "range"
-"""Name of the statistic maximum minus minimum, in requirements that keep a quantity unchanged."""
+"""Name of the statistic that is the maximum minus the minimum. It is used in requirements that keep a
+quantity unchanged."""
 
 _RELATION = re.compile(r"\s*(\S+?)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
 _CURVE_PHASES = 33
@@ -29,8 +30,8 @@ _CURVE_PHASES = 33
 judgement."""
 
 _TOLERANCE = 1e-9
-"""Largest permitted change of a quantity that is kept unchanged without a stated tolerance, relative to its
-largest modulus. Chosen by judgement."""
+"""Largest permitted change of a quantity that is kept unchanged without a stated tolerance, relative to the
+largest modulus of the quantity. Chosen by judgement."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Bound:
 class Kept:
     """Statistic of a quantity, or its curve at the phases `phases` (k,), that an optimisation must not
     change. `figures` is the name of the statistic, or two names for the difference of two statistics.
-    `tolerance` is the largest permitted change in the SI unit; None if none is stated.
+    `tolerance` is the largest permitted change in the SI unit; None if no tolerance is stated.
     """
 
     text: str

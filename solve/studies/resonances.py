@@ -18,8 +18,9 @@ from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem
 
 _NEAR = 0.2
-"""A maximum may belong to an integer division if the ratio of frequency to speed differs from the integer by
-at most this number, and by at most the fraction `CLOSE` of the integer. Chosen by judgement."""
+"""A maximum may belong to an integer division if the ratio of frequency to speed is close to the integer. The
+difference may be at most this number, and at most the fraction `CLOSE` of the integer. Chosen by
+judgement."""
 
 _ANGLE_TOLERANCE = 0.02
 """Allowed difference between the angle of a multiplier and the angle implied by a division or combination, as
@@ -34,25 +35,26 @@ _MAX_COST = 9.0
 difference decides the matching. Chosen by judgement."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
-"""Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part,
-and for a maximum of the spectral radius, which is narrower. The third number is the excess over the smallest
-sum up to which a label counts as equally good. Chosen by judgement."""
+"""Limits of a sum of squared differences, each relative to its allowed value. The first limit is for maxima
+of a real part. The second is for maxima of the spectral radius, which are narrower. The third number is the
+excess over the smallest sum up to which a label counts as equally good. Chosen by judgement."""
 
 _ORDER_PENALTY = 0.1
 """Penalty added to the sum of squared differences for each order above the first, because resonances of
 higher order are weaker. Chosen by judgement."""
 
 _SAME_SPEED = 1e-3
-"""Relative difference of the speeds of two maxima, one of the real part and one of the modulus of a
-multiplier, up to which they count as the same resonance. Chosen by judgement."""
+"""A maximum of the real part and a maximum of the modulus of a multiplier count as the same resonance if the
+relative difference of their speeds is at most this number. Chosen by judgement."""
 
 Fit = tuple[float, Combination]
 """Misfit of a combination, followed by the combination."""
 
 
 class Label(NamedTuple):
-    """Maximum with the resonances that may explain it: integer divisions, given as mode (from 1) and order
-    per revolution, or combinations. If several explain it equally well, all are listed."""
+    """Maximum with the resonances that may explain it. They are either integer divisions, given as mode (from
+    1) and order per revolution, or combinations. If several resonances explain the maximum equally well, all
+    are listed."""
 
     maximum: Maximum
     divisions: set[tuple[int, int]]
@@ -65,8 +67,8 @@ class Label(NamedTuple):
 
 
 def allowed_distance(orders: Array | float) -> Array:
-    """Return, for each order, the largest difference between the order and the ratio of a frequency to the
-    speed with which the order may explain a maximum."""
+    """For each order, return the largest difference allowed between the order and the ratio of a frequency to
+    the speed. With a larger difference, the order cannot explain a maximum."""
     return np.minimum(_NEAR, CLOSE * orders)
 
 
@@ -79,8 +81,8 @@ class MultiplierMatcher:
     which only the product identifies the mode. The pair of a mode has the angle ω̄T, up to sign and multiples
     of 2π, and the logarithmic decrement δT. All pairs are matched simultaneously so that the sum of the
     squared differences of angles and decrements, each relative to its allowed value, is smallest. Pairs with
-    the same angle may exchange energy: the decrement of such a pair may differ from that of its mode by as
-    much as from the mean of these pairs.
+    the same angle may exchange energy. For such a pair, the allowed difference of decrements is therefore
+    increased by the distance of the pair's decrement from the mean decrement of all pairs with this angle.
     """
 
     system: PeriodicSystem
@@ -152,8 +154,8 @@ class MultiplierMatcher:
         return float(self._costs[matched(self._costs)].sum())
 
     def misfit(self, modes: dict[int, int]) -> float:
-        """Return the cost of the best matching in which each pair in `modes` is assigned the mode that
-        `modes` states for it, minus the cost of the best matching without this condition."""
+        """Return the cost of the best matching in which each pair that is a key of `modes` has the mode
+        `modes[pair]`, minus the cost of the best matching without this condition."""
         pairs, others = (
             [at for at in range(len(self.pairs)) if at not in fixed] for fixed in (modes, modes.values())
         )
@@ -197,7 +199,7 @@ class MultiplierMatcher:
     def _assignments(
         self, pair: int, others: list[int], low: int, high: int, signed_order: int
     ) -> list[dict[int, int]]:
-        """Return those assignments of modes to pairs of multipliers for which the combination of the modes
+        """Return the assignments of modes to pairs of multipliers with which the combination of the modes
         `low` and `high` can excite `pair`. Two different modes require a second pair at the same angle, one
         of `others`."""
         if low != high:
@@ -244,9 +246,9 @@ class MultiplierMatcher:
 def assign(
     rows: list[Critical], labels: list[Label], frequencies: MeanFrequencies, column: str
 ) -> list[Critical]:
-    """Return rows with maxima inserted in a column, the highest first. Each is inserted in the row of the
-    nearest division that explains it. A maximum that no division explains, or at which frozen frequencies are
-    imaginary, is inserted in the row of the same combination or in a new row.
+    """Return rows in which the maxima of `labels` are inserted in a column, the highest first. A maximum is
+    inserted in the row of the nearest division that explains it. If there is no such division, or if frozen
+    frequencies are imaginary at the maximum, the row is that of the same combination or a new row.
     """
     rows = list(rows)
     for label in sorted(labels, key=lambda label: -label.maximum.height):
@@ -314,5 +316,6 @@ def _nearest(total: float) -> int:
 
 
 def _folded(turns: Array | float) -> Array:
-    """Return the absolute distance, 0 … 1/2, of angles in fractions of 2π from the nearest integer."""
+    """Return the distances, 0 … 1/2, of `turns` from the nearest integers. `turns` are angles as fractions of
+    2π."""
     return np.abs(turns - np.round(turns))

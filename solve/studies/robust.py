@@ -1,8 +1,8 @@
 """Robust objectives: statistics of a quantity over a set of machines whose parameters deviate, with exact
 derivatives.
 
-The deviations are the same for every design. The objective is therefore a smooth function of the design; for
-quantiles, it is only continuous.
+The deviations are the same for every design. The objective is therefore a smooth function of the design. An
+objective that is a quantile is continuous, but not smooth.
 """
 
 import math
@@ -112,7 +112,8 @@ class Robust:
 
 def deviating(design: Design, spreads: Mapping[str, Spread], count: int) -> list[Design]:
     """Return `count` machines, a power of two, whose parameters deviate from those of the design. The
-    deviations follow from the spreads about the parameters of the model and are the same for all designs."""
+    deviations follow from `spreads`, the spreads about the parameters of the model, and are the same for all
+    designs."""
     from scipy.stats.qmc import Sobol
 
     cube = Sobol(len(spreads), rng=np.random.default_rng(0)).random(count)

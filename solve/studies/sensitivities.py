@@ -1,6 +1,6 @@
-"""Sensitivities of quantities at several speeds, and sensitivities of the speeds at edges of unstable bands
-and of critical speeds. The latter follow from the implicit function theorem (S. G. Krantz, H. R. Parks, The
-Implicit Function Theorem, 2013)."""
+"""Sensitivities of quantities at several speeds, and sensitivities of two kinds of speeds: edges of unstable
+bands, and critical speeds. Sensitivities of speeds follow from the implicit function theorem (S. G. Krantz,
+H. R. Parks, The Implicit Function Theorem, 2013)."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -52,7 +52,8 @@ _UNBOUNDED = (
 )
 
 _SMOOTH = 0.5
-"""Largest relative change of the curvature of a maximum when the step is doubled. Chosen by judgement."""
+"""Largest permitted relative change of the curvature of a maximum, as computed by finite differences, when
+their step is doubled. Chosen by judgement."""
 
 _STEP_REDUCTION = 8.0
 """Factor by which the step is reduced if the maximum is too narrow for it. Chosen by judgement."""
@@ -144,7 +145,8 @@ def speed_sensitivities(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Sensitivities:
-    """Derivatives of edges of unstable bands, or of maxima of critical speeds, with respect to parameters.
+    """Derivatives, with respect to parameters, of the edges of unstable bands or of critical speeds at
+    maxima.
 
     Parameters
     ----------
@@ -210,8 +212,9 @@ def speed_sensitivities(
 
 
 def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
-    """Return the names of the parameters with respect to which speeds are differentiated; by default all for
-    which derivatives are available. Raises UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
+    """Return the names of the parameters with respect to which speeds are differentiated. By default, they
+    are all parameters for which derivatives are available. Raises UnknownNameError, NoDerivativeError,
+    ValueOutOfBoundsError."""
     _, differentiable = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in differentiable:
         raise ValueOutOfBoundsError(

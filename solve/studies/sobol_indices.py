@@ -26,8 +26,8 @@ def sobol_indices(
     without a value.
 
     `evaluate` returns the values (P, q) of q quantities at points (P, r) of the unit cube. `samples` is a
-    power of two. `error` is the relative error of the values; quantities that vary by less have NaN as
-    indices.
+    power of two. `error` is the relative error of the values. If a quantity varies by less than this error,
+    its indices are NaN.
     """
     from scipy.stats.qmc import Sobol
 

@@ -14,9 +14,9 @@ from solve.system import PeriodicSystem, check
 from solve.units import ShownUnit
 
 LIGHTLY_DAMPED = 0.5
-"""Instability is searched for between stable speeds if the largest modulus of a multiplier exceeds this.
-Chosen by judgement: with stronger damping, only a parametric resonance that doubles the amplitude in a period
-causes instability."""
+"""Instability is searched for between stable speeds if the largest modulus of a multiplier exceeds this
+number. Chosen by judgement: with stronger damping, only a parametric resonance that doubles the amplitude in
+a period causes instability."""
 
 INTERVALS = 40
 """Smallest number of intervals into which a range of speeds is divided: to search for narrow bands, and to
@@ -27,9 +27,9 @@ _PHASES = 16
 judgement."""
 
 DAMPED_OUT = 1e-2
-"""Modes of the frozen matrices whose multipliers have a modulus below this are ignored: they can become
-unstable only by a parametric resonance that increases the amplitude a hundredfold in a period. Chosen by
-judgement."""
+"""Modes of the frozen matrices are ignored if the modulus of their multipliers is below this number. Such
+modes can become unstable only by a parametric resonance that increases the amplitude a hundredfold in a
+period. Chosen by judgement."""
 
 _HALVINGS = 20
 """Maximum number of times that an interval in which two pairs of multipliers may pass through +1 or -1 is
@@ -41,8 +41,8 @@ before the next speed; and difference between the distances of two pairs below w
 Chosen by judgement."""
 
 Rotation = Callable[[Array], Array]
-"""Type of functions of speeds (k,) that return the angles (k,) by which the fastest relevant multiplier
-rotates per unit of 1/Ω: its frequency times the period of the phase."""
+"""Type of functions of speeds (k,). Such a function returns the angles (k,) by which the fastest relevant
+multiplier rotates per unit of 1/Ω. Each angle is the frequency of the mode times the period of the phase."""
 
 
 def no_rotation(speeds: Array) -> Array:
@@ -78,8 +78,8 @@ def by_speed(samples: StabilitySamples) -> StabilitySamples:
 def separate_crossings(
     evaluate: Evaluate, samples: StabilitySamples, rotation: Rotation, signs: Sequence[int] = (1, -1)
 ) -> StabilitySamples:
-    """Add samples, at ascending speeds, where two pairs of multipliers may both pass through +1, or both
-    through -1, between two speeds. Each pair then has a separate minimum of the distance."""
+    """Add samples between two neighbouring speeds if two pairs of multipliers may both pass through +1, or
+    both through -1, between these speeds. Each pair then has a separate minimum of the distance."""
     for _ in range(_HALVINGS):
         speeds = samples.points[:, 0]
         max_change = np.minimum(-2 * np.diff(1 / speeds) * rotation(speeds[1:]), _NEIGHBOURHOOD)
@@ -104,9 +104,9 @@ def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> A
 
 
 def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, float]:
-    """Return the lowest and the highest speed (rad/s) with valid matrices, among ascending speeds and speeds
-    that divide their range evenly. If the matrices are valid at no speed, raises the exception for the
-    highest speed."""
+    """Return the lowest and the highest speed (rad/s) with valid matrices. The ascending `speeds`, and speeds
+    that divide their range evenly, are tested. If the matrices are valid at no speed, raise the exception for
+    the highest speed."""
     evenly = np.linspace(speeds[0], speeds[-1], INTERVALS + 1)
     candidates = np.unique(np.concatenate((speeds, evenly))).tolist()
     errors: list[SolveError] = []
@@ -126,8 +126,8 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
 
 
 def without_result(speeds: Array, failed: Array, unit: ShownUnit, reason: str) -> str:
-    """Return a message with the number and the ranges of the failed speeds among ascending speeds (P,), and
-    the reason."""
+    """Return a message with the number of failed speeds, their ranges, and the reason. `speeds` (P,) are
+    ascending."""
     ranges = unit.spans((float(speeds[low]), float(speeds[high])) for low, high in runs(failed))
     of = f"of {len(speeds)} speeds"
     return f"{counted(failed.sum(), f'{of} has', f'{of} have')} no result, {ranges}: {reason}"

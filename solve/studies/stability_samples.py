@@ -26,9 +26,9 @@ class StabilitySamples:
     """Stability at points (k, v).
 
     `unstable` (k,) is True if a multiplier lies outside the unit circle by more than its error; `stable` (k,)
-    is True if all multipliers lie inside or on it, within their errors. Both are False where the point failed
-    or the verdict is undetermined. `multipliers` (k, N) are in descending order of modulus, and 0 at failed
-    points. For `distances` (k, 4), see `distances_to_instability`.
+    is True if all multipliers, within their errors, lie inside or on the circle. Both are False where the
+    point failed or the verdict is undetermined. `multipliers` (k, N) are in descending order of modulus, and
+    0 at failed points. For `distances` (k, 4), see `distances_to_instability`.
     """
 
     points: Array
@@ -110,9 +110,9 @@ class StabilitySamples:
 
 
 def distances_to_instability(multipliers: Array) -> Array:
-    """Return the distances (k, 4) of multipliers (k, N) from four kinds of instability. These are the
-    smallest value of `crossing_function` for +1 and for -1, the squared distance between two pairs, and the
-    distance of a pair from the unit circle."""
+    """Return the distances (k, 4) of multipliers (k, N) from four kinds of instability. The first two columns
+    are the smallest values of `crossing_function` for +1 and for -1. The third is the squared distance
+    between two pairs, and the fourth is the distance of a pair from the unit circle."""
     rho = np.ascontiguousarray(multipliers.T)
     upper = np.imag(rho) > 0
     pairs = np.full(rho.shape[1], _UNREACHABLE)
@@ -151,11 +151,11 @@ def crossing_function(multipliers: Array, sign: int) -> Array:
 
 def coalescence_distance(multipliers: Array, leading: Array) -> Array:
     """Return the signed distance (k,) from coalescence of two multipliers: the one with the index `leading`
-    (k,) among `multipliers` (k, N), and its partner. The distance is the square of half the difference of the
-    two, divided by the modulus of their product.
+    (k,) among `multipliers` (k, N), and its partner. The distance is the square of half their difference,
+    divided by the modulus of their product.
 
-    It is negative for conjugate pairs, positive for real pairs, and passes smoothly through zero where the
-    two multipliers meet on the real axis.
+    The distance is negative for conjugate pairs, positive for real pairs, and passes smoothly through zero
+    where the two multipliers meet on the real axis.
     """
     rows = np.arange(len(leading))
     rho = multipliers[rows, leading]
@@ -173,9 +173,9 @@ def crosses_plus_one(multipliers: Array, error: Array) -> Array:
     """Return a mask (k,) that is True if a multiplier passes through +1 at the second of three neighbouring
     points.
 
-    `multipliers` is (3, k, N), with absolute errors `error` (3, k). A multiplier passes through +1 along the
-    real axis at the edge of an unstable range, and along the unit circle at an undamped resonance, which may
-    be surrounded by a narrow unstable range.
+    `multipliers` is (3, k, N), with absolute errors `error` (3, k). At the edge of an unstable range, a
+    multiplier passes through +1 along the real axis. At an undamped resonance, it passes through +1 along the
+    unit circle; a narrow unstable range may surround this resonance.
     """
     distance, modulus = np.abs(1 - multipliers), np.abs(multipliers)
     nearest = distance.argmin(axis=2)[..., None]

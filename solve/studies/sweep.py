@@ -1,5 +1,5 @@
-"""Periodic orbits at many speeds and parameter values, for one system or several variants; and the speed up
-to which the linear model is valid."""
+"""Periodic orbits of one or several systems at many speeds and parameter values; and the speed up to which
+the linear model is valid."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -162,8 +162,8 @@ def varied_values(given: Over | None, system: PeriodicSystem) -> dict[str, Array
 def parameter_values(
     name: str, values: str | Sequence[float | str] | Array, system: PeriodicSystem | None
 ) -> list[float]:
-    """Return the values of a parameter in its unit, or as plain numbers if there is no system; an empty list
-    if they are invalid."""
+    """Return the values of a parameter, in its unit or, without a system, as plain numbers. Return an empty
+    list if the values are invalid."""
     texts: Any = ()
     numbers: list[float] = []
     with suppress(ValueError):
@@ -181,8 +181,8 @@ def _name_and_values(text: str) -> tuple[str, str]:
 
 
 def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
-    """Return the speeds of a sweep; if none are given and parameters vary, the speed of the case. Raises
-    MissingValueError."""
+    """Return the speeds of a sweep. If no speeds are given and parameters vary, return the speed of the case.
+    Raises MissingValueError."""
     if speeds is not None or not over:
         return speeds
     if system.labels.case_speed is None:

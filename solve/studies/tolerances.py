@@ -47,7 +47,7 @@ _MOST_STEPS = 40
 """Maximum number of evaluations in the search for a worst point. Chosen by judgement."""
 
 _STARTS = 3
-"""Number of samples, the worst ones, from which a worst point is sought. Chosen by judgement: several are
+"""A worst point is sought from this number of the worst samples. Chosen by judgement: several samples are
 needed because maxima may be local."""
 
 _NO_VALUE = 2.0
@@ -86,7 +86,8 @@ def tolerances(
         the case. A machine counts as unstable if it is unstable at one of these speeds.
     vary : mapping of str to str, optional
         Mapping from parameters to tolerances or distributions, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)"
-        or "uniform(7e4, 9e4)". They supplement those of the case, or replace them for the same parameter.
+        or "uniform(7e4, 9e4)". These supplement the tolerances of the case; for the same parameter, they
+        replace the tolerance of the case.
     subject : sequence of str
         Limits of quantities at every speed, such as "q3.max_abs < 9 um".
     of : sequence of str
@@ -214,8 +215,8 @@ def _machines(
 
 
 def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> Mixture:
-    """Return a mixture of densities about 0 and about the points of each event that are nearest to 0. `z` (P,
-    r) are points that are already evaluated, with the results `searched`."""
+    """Return a mixture of densities about 0 and, for each event, about the points nearest to 0 at which the
+    event occurs. `z` (P, r) are evaluated points, and `searched` contains their results."""
     centres: list[Array] = []
     for limit, event in zip(machines.limits, (searched.unstable, *searched.beyond), strict=True):
         for place in _speeds_of(event):
@@ -226,8 +227,8 @@ def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> M
 
 
 def _speeds_of(event: Event) -> list[int]:
-    """Return the indices of the speeds with the most occurrences of an event; if it never occurs, the index
-    of the speed with the largest margin."""
+    """Return the indices of the speeds at which an event occurs most often, at most `_MOST_SPEEDS` of them.
+    If the event never occurs, return the index of the speed with the largest margin."""
     counts = np.count_nonzero(event.margins > 0, axis=0)
     order = np.argsort(-counts, kind="stable")[:_MOST_SPEEDS]
     if counts.any():
@@ -239,8 +240,8 @@ def _speeds_of(event: Event) -> list[int]:
 def _sobol(
     machines: Machines, samples: int, rng: np.random.Generator
 ) -> tuple[dict[str, dict[str, SobolIndices]], int]:
-    """Return the Sobol indices as a mapping from quantities to a mapping from parameters, and the number of
-    samples without a value."""
+    """Return the Sobol indices and the number of samples without a value. The indices are a mapping from each
+    quantity to a mapping from parameters to indices."""
     if not samples:
         return {}, 0
 
@@ -256,9 +257,9 @@ def _sobol(
 
 
 def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
-    """Search for the worst case of each quantity, in the direction of each limit, from the worst of the
-    points (P, r), whose values are `values` (q, P, k). The last point is the nominal one. Where the
-    quantity has no derivatives, the worst of the points is returned."""
+    """Search for the worst case of each quantity in the direction of each limit. The search starts from the
+    worst of the points (P, r), at which the quantities have the values `values` (q, P, k). The last point is
+    the nominal one. If a quantity has no derivatives, the worst of the points is returned."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
     nominal = machines.worst(values[:, -1:])[0][0]
@@ -288,9 +289,9 @@ def _local_worst_point(
     start: Array,
     ends: tuple[Array, Array],
 ) -> tuple[float, Array]:
-    """Return the extreme value of a quantity at a speed, for parameters within the ends of their tolerances,
-    and these parameters (r,). The gradient search begins at `start`. direction: the quantity, and 1 for its
-    largest or -1 for its smallest value."""
+    """Return the extreme value of a quantity at a speed, for parameters within `ends`, and the parameters
+    (r,) with this value. The gradient search begins at `start`. `direction` contains the quantity, and 1 for
+    the largest or -1 for the smallest value."""
     from scipy.optimize import minimize
 
     design = machines.design(speed)

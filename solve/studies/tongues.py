@@ -9,18 +9,18 @@ from solve.studies.speed_grids import LIGHTLY_DAMPED
 from solve.studies.stability_samples import Evaluate, StabilitySamples
 
 _MAX_PARABOLAS, _DECREASE = 10, 0.5
-"""Maximum number of parabolas per minimum, and largest ratio of the predicted minimum to the current one with
+"""Maximum number of parabolas per minimum, and largest ratio of the predicted to the current minimum with
 which the search continues. SciPy's `find_minimum` would continue to the minimum; here the search ends at the
 first unstable point, or as soon as the minimum is unlikely to reach zero. Chosen by judgement."""
 
 _TRIAL_SPACING, _MARGIN = 0.05, 1e-3
 """Distance of the outer trials from the predicted minimum, as a fraction of the bracket; and smallest
-distance of trials from the ends of the bracket, as a fraction of the first distance."""
+distance of trials from the ends of the bracket, as a fraction of the first of these two numbers."""
 
 _FROM_END = 1e-3
 """Distance of additional points from the ends of a line, as a fraction of the first or last interval. The
-distance to instability then changes by about 1e-3 of its value, which exceeds the errors of multipliers at
-the default tolerance 1e-8."""
+distance to instability then changes by about 1e-3 of its value. This change exceeds the errors of multipliers
+at the default tolerance 1e-8."""
 
 
 def near_ends(values: Array) -> Array:
@@ -35,8 +35,8 @@ def find_narrow_tongues(
 ) -> StabilitySamples:
     """Return unstable points found between stable neighbours on lines.
 
-    Each of k lines consists of three samples: the one with the index `middle` (k,), and those `stride` before
-    and after it. Where the distance to a kind of instability is smallest at the middle sample, its minimum is
+    Each of k lines consists of three samples, with the indices `middle - stride`, `middle` (k,) and `middle +
+    stride`. Where the distance to a kind of instability is smallest at the middle sample, its minimum is
     located by parabolas. The search is skipped if the first parabola predicts a minimum above the fraction
     `predicted` of the distance at the middle.
     """

@@ -23,17 +23,17 @@ from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
 
 _LEADING = 0.5
-"""Extrema that are lower than the largest by more than this fraction of the range of the values are not
-followed, unless they are among the largest in a later round."""
+"""An extremum is not followed if it is lower than the largest by more than this fraction of the range of the
+values. The choice is repeated in each round."""
 
 _WINDOW = np.linspace(-1.0, 1.0, 33)
 """Sampling points of the window in which an extremum is searched for again, relative to the half-width of the
 window. The window ends halfway to the neighbouring extremum."""
 
 _ZOOMS, _ZOOM = 2, 16
-"""Number of times that a window is searched, and factor by which its width is reduced for the next search.
-Measured for an oscillator: derivatives of extrema are accurate to 2e-4 with one search, and to 1e-7 with
-two."""
+"""Number of searches for an extremum, and factor by which the width of the window is reduced from one search
+to the next. Measured for an oscillator: derivatives of extrema are accurate to 2e-4 with one search, and to
+1e-7 with two."""
 
 _WINDOWS = 16
 """Number of windows, spread over the whole period, in which the maxima of a quantity that is constant over
@@ -42,7 +42,8 @@ judgement."""
 
 
 class Tracked(Protocol):
-    """Values (k,) that must not exceed a limit, and their derivatives (k, r) with respect to x."""
+    """Functions of x: `values` (k,), which must not exceed a limit, and `slopes` (k, r), their derivatives
+    with respect to x."""
 
     def values(self, x: Array) -> Array: ...
 
@@ -121,9 +122,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class Differences:
-    """Maxima (k,) of a curve if `extrema` contains only these. If it also contains minima (l,), the
-    differences (k + l - 1,): each maximum minus the first minimum, followed by the first maximum minus each
-    further minimum."""
+    """Maxima (k,) of a curve if `extrema` contains only maxima. If `extrema` also contains minima (l,), the
+    values are differences (k + l - 1,): each maximum minus the first minimum, followed by the first maximum
+    minus each further minimum."""
 
     extrema: Sequence[Extrema]
 
@@ -178,9 +179,9 @@ class Function:
 
 
 def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> Single | Extrema:
-    """Return smooth functions of x, the largest of which is `sign` times a quantity at one speed. There is
-    one function for each relevant local maximum if `sign` times the quantity is a maximum of a signal, and
-    otherwise a single function."""
+    """Return smooth functions of x. The largest of them is `sign` times a quantity at one speed. If this
+    product is a maximum of a signal, there is one function for each relevant local maximum; otherwise, there
+    is a single function."""
     sides = {("max", 1.0): (1.0,), ("min", -1.0): (-1.0,), ("max_abs", 1.0): (1.0, -1.0)}.get(
         (quantity.figure, sign)
     )
@@ -199,8 +200,8 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
 
 
 def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> tuple[float, Array]:
-    """Return the value of a quantity at one speed, multiplied by a sign, and the derivatives (r,) of this
-    value with respect to x. Both belong to the largest extremum."""
+    """Return the value of a quantity at one speed, multiplied by `sign`, and the derivatives (r,) of this
+    product with respect to x. If several extrema are followed, the largest one is used."""
     followed = tracked(design, x, at, quantity, sign)
     values = followed.values(x)
     lead = int(values.argmax())
@@ -208,8 +209,8 @@ def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
 
 
 def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> Extrema:
-    """Return the largest local maxima of `side` times the signal `name` at one speed; several if they are
-    equally large."""
+    """Return the largest local maximum of `side` times the signal `name` at one speed, or several maxima if
+    they are equally large."""
     extrema = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
     assert isinstance(extrema, Extrema)
     values = extrema.values(x)
@@ -218,7 +219,8 @@ def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> 
 
 
 def _maxima(values: Array, least: float, period: float) -> Array:
-    """Return the phases (k,) of those local maxima, of samples over a period, that are at least `least`."""
+    """Return the phases (k,) of the local maxima that are at least `least`, from `values` at samples over a
+    period."""
     before, after = np.roll(values, 1), np.roll(values, -1)
     indices = np.flatnonzero((values >= before) & (values > after) & (values >= least))
     if not len(indices):
@@ -239,9 +241,9 @@ def _half_widths(phases: Array, period: float) -> Array:
 
 
 def _refined(values: Array, indices: Array, phases: Array) -> Array:
-    """Return the phases (k,) of the vertices of parabolas through three samples. The middle sample has the
-    index `indices` (k,) among the `values` (k, j) at `phases` (k, j). If it is the first or the last sample,
-    its own phase is returned."""
+    """Return the phases (k,) of the vertices of parabolas through three samples. `indices` (k,) are the
+    indices of the middle samples among the `values` (k, j) at `phases` (k, j). If such an index is that of
+    the first or last sample, the phase of this sample is returned."""
     rows, inner = np.arange(len(indices)), np.clip(indices, 1, values.shape[1] - 2)
     below, top, above = (values[rows, inner + shift] for shift in (-1, 0, 1))
     bend = 2 * top - below - above

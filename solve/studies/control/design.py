@@ -105,14 +105,15 @@ def kalman(
     speed : float or str
         Ω in rad/s, or a string with a unit.
     W : (N, N) array, mapping or callable
-        Spectral density of the process noise: a positive semidefinite matrix; a mapping to numbers from names
-        of inputs along which noise acts, or of states to whose rates it is added; or a function of phases
-        (k,) that returns matrices (k, N, N).
+        Spectral density of the process noise: a positive semidefinite matrix; a mapping from names to
+        numbers; or a function of phases (k,) that returns matrices (k, N, N). In a mapping, the number of an
+        input is the density of noise that acts like this input. The number of a state is the density of noise
+        that is added to the rate of this state.
     V : (y, y) array, mapping or callable
-        Spectral density of the measurement noise: a mapping from names of states and outputs, which are then
-        the measured quantities, to numbers. If it is a positive definite matrix, or a function of phases, the
-        measured quantities are the outputs of a `FirstOrderSystem` with named outputs, and otherwise all
-        coordinates.
+        Spectral density of the measurement noise: a mapping from the names of the measured states and outputs
+        to numbers; a positive definite matrix; or a function of phases. For a matrix or a function, the
+        measured quantities are the named outputs if the system is a `FirstOrderSystem` that has any, and
+        otherwise all coordinates.
     rtol : float
         Relative tolerance of the solution of the Riccati equation and of the multipliers.
 
@@ -243,11 +244,11 @@ def control(
     vibration : bool
         Whether to compute the periodic vibration without and with feedback.
     margin : sequence of str
-        Names of parameters whose smallest change that makes the closed loop unstable is computed; see
-        `stability_margin`.
+        Names of parameters. The smallest change of these parameters that makes the closed loop unstable is
+        computed; see `stability_margin`.
     norms : sequence of str
-        Names of states and outputs. For each, the norms of the transfer from disturbances at the inputs are
-        computed; see `h2_norm` and `hinf_norm`.
+        Names of states and outputs. The norms of the transfer from disturbances at the inputs to each of
+        these quantities are computed; see `h2_norm` and `hinf_norm`.
     samples : int, optional
         Number of samples per period of a digital controller, which holds the inputs and delays them by one
         sample. The stability with this controller is computed; see `sampled`.
@@ -296,8 +297,8 @@ def control(
 
 
 def _norms(controller: Controller, name: str) -> Norms:
-    """Return the norms of the transfer from the inputs to a state or output, with and without feedback.
-    Raises SolveError subclasses."""
+    """Return the norms of the transfer from the inputs to the state or output `name`, with and without
+    feedback. Raises SolveError subclasses."""
     speed, rtol = controller.speed, max(controller.rtol, _NORM_RTOL)
     h2, hinf = (norm(controller.closed, speed, [name], rtol=rtol) for norm in (h2_norm, hinf_norm))
     h2_before = hinf_before = None
@@ -321,13 +322,13 @@ _NORM_RTOL = 1e-6
 """Smallest relative tolerance of norms. Chosen by judgement: H∞ norms are found by bisection."""
 
 _DESIGNS = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
-"""Mapping from names to design functions. Inside `control`, arguments of the same names hide the
-functions."""
+"""Mapping from names to design functions. It is needed because the arguments of `control` hide the functions
+of the same names."""
 
 
 def _vibration(controller: Controller) -> dict[str, Vibration]:
-    """Return the periodic vibration of coordinates and inputs, without and with feedback; empty if there is
-    no load.
+    """Return the periodic vibration of coordinates and inputs, without and with feedback. The result is empty
+    if there is no load.
 
     Raises SolveError subclasses if an orbit does not exist."""
     system = controller.system

@@ -73,7 +73,8 @@ def _factor(B: Array, R: Array) -> Array:
 
 
 def _inverse(R: Array) -> Array:
-    """Return the inverses of matrices (k, r, r); a single one (1, r, r) if all matrices are equal."""
+    """Return the inverses of matrices (k, r, r). If all matrices are equal, a single inverse (1, r, r) is
+    returned."""
     return np.linalg.inv(R[:1] if R.strides[0] == 0 else R)
 
 
@@ -128,7 +129,7 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
 
 def _state_noise(plant: Plant, W: Weight) -> Function:
     """Return the intensity W (k, N, N) of the process noise as a function of phases (k,). If W is a mapping,
-    its keys name inputs and states, and its values are their noise intensities."""
+    its keys are names of inputs and states, and its values are noise intensities."""
     if not isinstance(W, Mapping):
         return matrix_function("W", W, plant.N, plant.system)
     inputs, states = plant.system.inputs, plant.states
@@ -164,7 +165,7 @@ def _solved(
 
 
 def mirrored_breaks(system: PeriodicSystem) -> tuple[float, ...]:
-    """Return the breaks of a system for reversed phase."""
+    """Return the phases of the breaks of a system whose phase is reversed."""
     return tuple((system.period - each) % system.period for each in system.breaks)
 
 

@@ -30,17 +30,18 @@ from solve.studies.control.plant import state_names
 from solve.system import PeriodicSystem
 
 _BYTES = 2**21
-"""Largest size in bytes of cached entries of matrices on a grid: the solutions and the error estimates on one
-grid evaluate the same phases up to four times. Chosen by judgement."""
+"""Largest size, in bytes, of the matrix entries on a grid that are cached. Caching helps because the
+solutions and the error estimates on one grid evaluate the same phases up to four times. Chosen by
+judgement."""
 
 
 class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     """System whose inputs are set by feedback; the inputs become outputs. Its own inputs NAME_disturbance are
     added to the values that the feedback sets.
 
-    `model` is the system without feedback, and `open_loop` is the same or its equations linearised about a
-    motion. `design` is the system for which the feedback was designed; its equations are those of an
-    observer.
+    `model` is the system without feedback. `open_loop` is this system, or its equations linearised about a
+    motion. `design` is the system for which the feedback was designed; an observer uses the equations of
+    `design`.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         self.outputs = (*system.outputs, *system.inputs)
 
     def _take(self, system: PeriodicSystem) -> None:
-        """Set the system without feedback, and the labels of the closed loop, which follow from it."""
+        """Set the system without feedback, and derive the labels of the closed loop from it."""
         self.open_loop, self.model, self.breaks, self.events = system, system, system.breaks, Events()
         self._kept: dict[tuple[bytes, float], tuple[Array, Array]] = {}
         names, units = state_names(system), dict(system.labels.units)
@@ -82,8 +83,7 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         """Return M, C, K and d of the closed loop at phases (k,). The speed is a number or an array (k,).
 
         `matrices` and `inputs` are M, C, K, d and the input matrix of the system without feedback. `observed`
-        is a function that returns the same quantities for the design system, which is the system for which
-        the feedback was designed."""
+        is a function that returns the same quantities for the system for which the feedback was designed."""
 
     @abstractmethod
     def inputs_of(self, phase: Array, speed: Any, q: Array, qd: Array) -> Array:
@@ -126,8 +126,8 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return self._varying_by(phase, speed, acceleration, matrices)
 
     def _varying_by(self, phase: Array, speed: Any, acceleration: float, matrices: Matrices) -> Matrices:
-        """Return the matrices of the closed loop while the speed (k,) changes, from the matrices of the
-        system without feedback."""
+        """Return the matrices of the closed loop for a varying speed (k,). `matrices` are those of the system
+        without feedback."""
 
         def observed() -> tuple[Matrices, Array]:
             matrices = varying_of(self.design)(phase, speed, acceleration)
@@ -163,7 +163,8 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     def varied(
         self, parameters: Mapping[str, Any] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
-        """Closed loop with the same feedback and a system with some parameters and options changed."""
+        """Closed loop with the same feedback, in which some parameters and options of the system are
+        changed."""
         return self.around(self.model.varied(parameters, options))
 
     def around(self, system: PeriodicSystem) -> Self:
@@ -214,8 +215,8 @@ class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
         return bounds
 
     def _about(self, linearised: PeriodicSystem) -> "FeedbackLoop":
-        """Return the closed loop with equations of the system linearised about a motion; the feedback is
-        already linear."""
+        """Return the closed loop in which the equations of the system are linearised about a motion. The
+        feedback is already linear."""
         loop = copy(self)
         loop.open_loop, loop.events, loop._kept = linearised, events_of(linearised), {}
         loop.breaks, loop.period = linearised.breaks, linearised.period

@@ -15,8 +15,9 @@ _LEAST_STEPS = 128
 the period. Chosen by judgement."""
 
 Equations = Callable[[Array, Array, float, Array, Array], Matrices]
-"""Type of functions of phases and speeds (k,), an acceleration, and q and q̇ (k, n). They return M, C, K and
-d of the equations linearised about this state, at which the linearised equations are exact."""
+"""Type of functions of phases (k,), speeds (k,), an acceleration, q (k, n) and q̇ (k, n). Such a function
+returns M, C, K and d of the equations linearised about this state. At this state, the linearised equations
+are exact."""
 
 
 class FeedbackIntegrator:

@@ -21,12 +21,12 @@ FROZEN_PHASES = 48
 """Number of phases at which frozen modes are computed. Chosen by judgement."""
 
 FIRST_RTOL = 1e-8
-"""Tolerance to which the stated phase advances per step of the first grid refer. They are proportional to the
-tolerance to the power 1/order of the method."""
+"""Tolerance for which the phase advances per step of the first grid are stated. Phase advances are
+proportional to the tolerance raised to the power 1/order, where the order is that of the method."""
 
 _MOST_DOUBLINGS = 60
-"""Maximum number of doublings of the period. If they do not converge, no solution exists: with closed-loop
-multipliers of up to 1 − 1e-17, the iteration converges earlier."""
+"""Maximum number of doublings of the period. If the iteration does not converge within this number, no
+solution exists. With closed-loop multipliers of up to 1 − 1e-17, fewer doublings suffice."""
 
 _CONVERGED = 16 * EPS
 """Relative change or residual of the solution that counts as round-off. Chosen by judgement."""
@@ -39,7 +39,7 @@ _BYTES = 2**20
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
 """Type of functions of phases (k,) that return A (k, N, N), E (k, N, r) and Q (k, N, N), where G = sign E Eᵀ.
-The equation describes derivatives with respect to the phase."""
+In the Riccati equation, derivatives are with respect to the phase."""
 
 
 class Maps(NamedTuple):
@@ -51,8 +51,8 @@ class Maps(NamedTuple):
 
     @property
     def halves(self) -> "tuple[Maps, Maps]":
-        """Maps of the first steps and of the second steps of all pairs of steps. If the number of steps is
-        odd, the last step is paired with the identity."""
+        """Two sets of maps, in which consecutive steps are paired: those of the first step of each pair, and
+        those of the second. If the number of steps is odd, the last step is paired with the identity."""
         m, N, _ = self.A.shape
         if m % 2:
             zero = np.zeros((1, N, N))
@@ -130,12 +130,11 @@ def symmetric(A: Array) -> Array:
 
 
 def step_maps(coefficients: Coefficients, grid: Grid, order: int, sign: float = 1.0) -> tuple[Maps, Stages]:
-    """Return the maps of the steps, by the Gauss method of the given order, and their stages, for G = sign E
-    Eᵀ.
+    """Return the maps and the stages of the steps by the Gauss method of the given order, for G = sign E Eᵀ.
 
     Gauss collocation of states and costates is equivalent to Gauss collocation of the states alone, if the
     inputs w at the stages make the sum of xᵀQx + sign wᵀw over the stages stationary (W. W. Hager, Numer.
-    Math. 87 (2000) 247-282). The latter has half as many unknowns."""
+    Math. 87 (2000) 247-282). Collocation of the states alone has half as many unknowns."""
     method = Gauss(order).stages
     s, phases = len(method.c), grid.stages(np.array(method.c))
     A, E, Q = coefficients(phases.ravel())
@@ -188,8 +187,8 @@ def _is_mechanical(A: Array, E: Array) -> bool:
 
 
 def _response(A: Array, E: Array, method: Collocation) -> Array:
-    """Return matrices (m, s + 1, N, N + s r) that map the state at the start and the inputs at the stages to
-    the states at the stages and at the end.
+    """Return matrices (m, s + 1, N, N + s r). They map the state at the start of a step and the inputs at its
+    s stages to the states at the s stages and at the end of the step.
 
     A (m, s, N, N) is multiplied by the lengths of the steps, E (m, s, N, r) by their square roots."""
     m, s, N, _ = A.shape
@@ -216,8 +215,9 @@ def _mechanical_response(A: Array, E: Array, method: Collocation) -> Array:
 
 
 def _accelerations(by_q: Array, by_v: Array, loads: Array, method: Collocation) -> Array:
-    """Return the accelerations (m, s p, 2p + c) at the stages that are due to unit q and unit v at the start,
-    and to `loads` (m, s p, c). The equations are v′ = by_q q + by_v v, and the steps have length 1."""
+    """Return the accelerations (m, s p, 2p + c) at the stages: for each unit vector q at the start, for each
+    unit vector v at the start, and for each column of `loads` (m, s p, c). The equations are v′ = by_q q +
+    by_v v, and the steps have length 1."""
     m, s, p, _ = by_q.shape
     every, weights = np.arange(p * p), method.A
     parts = np.ones((m * s, p)), -by_v.reshape(m * s, -1), -by_q.reshape(m * s, -1)
@@ -283,8 +283,8 @@ def bounded(maps: Maps) -> bool:
     """Return whether the maximum of ∫ xᵀQx − wᵀw with respect to the inputs w is finite for any number of
     periods. `maps` are the maps of a stable system for the sign −1.
 
-    The maximum over two successive intervals exists if it exists over each interval, and if the eigenvalues
-    of I + G H are positive, where G belongs to the first and H to the second interval."""
+    The maximum over two successive intervals exists if two conditions hold: it exists over each interval, and
+    the eigenvalues of I + G H are positive, where G belongs to the first interval and H to the second."""
     with np.errstate(all="ignore"):
         while len(maps.A) > 1:
             first, second = maps.halves

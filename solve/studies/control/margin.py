@@ -17,16 +17,16 @@ from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
 
 _SCAN = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.55, 0.7, 0.85, 1.0)
-"""Distances along a ray between which the boundary is sought. The last one is the largest that is searched.
-Chosen by judgement."""
+"""Distances along a ray between which the boundary is sought. The last one is the largest distance that is
+searched. Chosen by judgement."""
 
 _TURNS, _GAIN = (1.0, 0.5, 0.25, 0.1), 1e-4
 """Fractions of the rotation towards the normal of the boundary that are tried one after another, and relative
 decrease of the distance below which the search ends. Chosen by judgement."""
 
 _TOLERANCE, _BESIDE = 1e-6, 1e-3
-"""Relative tolerance of the distance, and relative distance from the boundary at which the verdicts on its
-two sides are computed. Chosen by judgement."""
+"""Relative tolerance of the distance to the boundary; and the relative distance from the boundary, on either
+side, at which verdicts are computed. Chosen by judgement."""
 
 
 @of_system
@@ -42,7 +42,7 @@ def stability_margin(
     speed : float or str
         Ω in rad/s, or a string with a unit.
     by : sequence of str
-        Names of parameters that differ from 0.
+        Names of parameters whose values are not 0.
     rtol : float
         Relative tolerance of the multipliers.
 
@@ -63,8 +63,8 @@ def stability_margin(
     -----
     The boundary |ρ| = 1 is located on rays from the unchanged parameters. At the nearest point of the
     boundary, the normal of the boundary is parallel to the ray. The ray is therefore rotated towards the
-    normal as long as the distance decreases. The first ray is the change of a single parameter that reaches
-    the boundary first. The minimum is a local one.
+    normal as long as the distance decreases. On the first ray only one parameter changes: the one that
+    reaches the boundary with the smallest change. The minimum is a local one.
 
     Examples
     --------
@@ -136,7 +136,7 @@ class _Boundary:
         return np.inf
 
     def _growth(self, change: Array) -> float:
-        """log |ρ| of the largest multiplier, plus the tolerance of verdicts, so that it is 0 where the motion
+        """log |ρ| of the largest multiplier, plus the tolerance of verdicts. The sum is 0 where the motion
         ceases to be asymptotically stable."""
         return float(np.log(self._stability(change).spectral_radius)) + UNIT_CIRCLE
 

@@ -161,8 +161,8 @@ class OutputFeedback(FeedbackLoop):
         super().require_bounds({name: value for name, value in parameters.items() if name not in self.gains})
 
     def bounds_of_gains(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
-        """Bounds of gains. Those of u_by_q1 are extended to all gains from q1 to u for which no bounds are
-        given."""
+        """Bounds of gains. The bounds of u_by_q1 also apply to the other gains from q1 to u that have no
+        bounds in `bounds`."""
         of_families = {
             name: bounds[gain.base] for name, gain in self.gain_terms.items() if gain.base in bounds
         }
@@ -182,9 +182,9 @@ class OutputFeedback(FeedbackLoop):
         return np.concatenate((np.ones((len(phase), 1)), waves), axis=1)
 
     def signals(self, phase: Array, speed: Any) -> tuple[Array, Array, Array]:
-        """Return the coefficients (k, s, 2, n) of velocities and coordinates in the s signals that the gains
-        multiply; and C and K (k, a, n) of the equations of filters and resonators, whose M is the
-        identity."""
+        """Return three arrays. The first contains the coefficients (k, s, 2, n) of velocities and coordinates
+        in the s signals that the gains multiply. The others are C and K (k, a, n) of the equations of filters
+        and resonators; M of these equations is the identity."""
         k, n, y = len(phase), self.model.n, len(self.measured)
         rows = np.zeros((k, y, 2, self.n))
         measured = Plant(self.design, speed).rows(self.measured, phase)

@@ -57,7 +57,8 @@ class Plant:
             )
 
     def rows(self, names: Sequence[str], phase: Array) -> Array:
-        """Return the rows C (k, y, N) of the named states and outputs at phases (k,): their linear terms C x.
+        """Return matrices C (k, y, N) at phases (k,). The products C x are the linear terms of the named
+        states and outputs.
 
         Raises UnknownNameError, and ValueOutOfBoundsError for an output that depends on accelerations."""
         system, outputs = self.system, self.require_names(names)
@@ -106,8 +107,8 @@ def state_equations(matrices: Matrices, inputs: Array, first_order: int) -> tupl
 
 
 def _by_rates(highest: Array, first_order: int) -> Array:
-    """Return rows (k, N, c) of the equations for ẋ, from the rows (k, n, c) of the highest derivatives. Rows
-    of coordinates with second derivatives are zero."""
+    """Return the rows (k, N, c) of the equations for ẋ, from the rows (k, n, c) of the equations for the
+    highest derivatives. The rows for the velocities of second-order coordinates are zero."""
     k, n, c = highest.shape
     p = n - first_order
     rows = np.zeros((k, n + p, c))

@@ -31,22 +31,23 @@ coefficients."""
 
 _ADVANCE = 7.0
 """Phase advance per step of the fastest frozen mode, on the first grid, for the tolerance `FIRST_RTOL`.
-Chosen by judgement, above the 4.2 with which the error of this mode meets the tolerance (the error constant
-2.2e-19 of order 16 times 4.2^17 is 9e-9), because grids are refined if needed."""
+Chosen by judgement. With 4.2, the error of this mode would meet the tolerance: the error constant of order 16
+is 2.2e-19, and 2.2e-19 times 4.2^17 is 9e-9. A larger value is possible because grids are refined if
+needed."""
 
 _ROUNDOFF = 1e-5
 """The solution of the difference equation is corrected if its relative residual exceeds this fraction of
 rtol. Chosen by judgement."""
 
 _MARGIN, _GROWTH = 1.1, 2.0
-"""Safety factor on the number of steps predicted from the order of the interpolant, 12; and largest ratio of
-the numbers of steps of successive grids. With the safety factor, the error is reduced at least to
+"""Safety factor on the number of steps, which is predicted from the order 12 of the interpolant; and largest
+ratio of the numbers of steps of successive grids. With the safety factor, the error is reduced at least to
 1.1^-12 = 0.32 of the tolerance if the order is attained. Both numbers are chosen by judgement."""
 
 _RESOLVED = 1e-7
 """Error below which a solution counts as resolved; if the error of a resolved solution no longer decreases,
-it is round-off. Larger errors can stagnate for another reason: with inputs of the harmonics 60 to 192 that
-have a small effect on X, errors of 4e-5 to 1e-6 were measured on grids that are too coarse for these
+this error is round-off. Larger errors can stagnate for another reason: with inputs of the harmonics 60 to 192
+that have a small effect on X, errors of 4e-5 to 1e-6 were measured on grids that are too coarse for these
 harmonics."""
 
 _LEAST, _MOST = 24, 6000
@@ -54,9 +55,9 @@ _LEAST, _MOST = 24, 6000
 seconds."""
 
 _TOO_FAST, _COARSE = 10.0, 2.0
-"""Modes of the closed loop count as too fast if they exceed the fastest mode of the system by the first
-factor, and also the fastest mode that the largest number of steps resolves by the second factor. Chosen by
-judgement."""
+"""Modes of the closed loop count as too fast if two conditions hold. They exceed the fastest mode of the
+system by the first factor. They also exceed, by the second factor, the fastest mode that the largest number
+of steps resolves. Chosen by judgement."""
 
 _SAFETY = 1.5
 """Safety factor on the estimated error, which is needed because the residual is evaluated only at the stages.
@@ -64,13 +65,12 @@ For a hundred random systems with 2 to 20 states, the true error is 0.32 to 1.20
 this factor."""
 
 _STENCIL = 6
-"""Number of nodes whose values and slopes are interpolated by the curve of a step, a polynomial of degree 11
-and order 12.
-Chosen by judgement."""
+"""Number of nodes whose values and slopes are interpolated on each step. The interpolant is a polynomial of
+degree 11 and order 12. Chosen by judgement."""
 
 _POINTS = 9
-"""Number of points per step for curves of the gain. Their error is proportional to the ninth power of the
-step. Chosen by judgement."""
+"""Number of points per step for curves of the gain. The error of these curves is proportional to the ninth
+power of the step. Chosen by judgement."""
 
 _BETWEEN = 0.0, (1 - np.cos(4 * np.pi / _POINTS)) / 2
 """Fractions of a step at which curves of the gain are compared with the gain: two extrema of the polynomial
@@ -78,16 +78,17 @@ that vanishes at the Chebyshev points. With the second fraction alone, an error 
 tolerance 1e-8, for inputs of the harmonic 192."""
 
 _SMALL = 1e-6
-"""Errors of entries of the gain are relative to the entry, or to this fraction of the largest entry if the
-entry is smaller, because small entries can be round-off. Chosen by judgement."""
+"""The error of an entry of the gain is relative to the entry. For entries below this fraction of the largest
+entry, it is relative to this fraction of the largest entry, because small entries can be round-off. Chosen by
+judgement."""
 
 
 @dataclass(frozen=True)
 class Riccati:
     """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, with G = sign E Eᵀ.
 
-    `coefficients` is a function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N); the
-    equation describes derivatives with respect to time. `rtol` is the relative tolerance of the solution.
+    `coefficients` is a function of phases (k,) that returns A (k, N, N), E (k, N, r) and Q (k, N, N); in the
+    equation, derivatives are with respect to time. `rtol` is the relative tolerance of the solution.
     `filters` is True if the equation is that of a filter, which is the regulator of the dual system in
     reversed phase."""
 
@@ -204,8 +205,8 @@ class Riccati:
 
 
 class Solved(NamedTuple):
-    """Curve of the upper triangle of X, its error relative to √(X_ii X_jj), the residual of the Riccati
-    equation relative to its largest term, and the grid."""
+    """Curve of the upper triangle of X, the error of X_ij relative to √(X_ii X_jj), the residual of the
+    Riccati equation relative to the largest term of the equation, and the grid."""
 
     curve: Curve
     error: float
@@ -214,8 +215,8 @@ class Solved(NamedTuple):
 
     @property
     def mirrored(self) -> "Solved":
-        """Solution with reversed phase, which converts the solution for the dual system to that of a
-        filter."""
+        """Solution with reversed phase. The reversal converts the solution for the dual system to the
+        solution for a filter."""
         nodes = self.grid.period - self.grid.nodes[::-1]
         coefficients = self.curve.coefficients[:, ::-1] @ _reversal(self.curve.coefficients.shape[-1])
         grid = Grid(nodes, np.roll(self.grid.at_break[::-1], 1))
@@ -239,8 +240,8 @@ def solve_riccati(equation: Riccati) -> Solved:
 def _errors(
     grid: Grid, curve: Curve, maps: Maps, stages: Stages, X: Array, factor: Array
 ) -> tuple[float, float]:
-    """Return the error of a curve relative to √(X_ii X_jj), and its residual. `X` (m+1, N, N) are the values
-    of the curve at the nodes; `factor` (N, N) are the units of X.
+    """Return the error of a curve relative to √(X_ii X_jj), and the residual of the curve. `X` (m+1, N, N)
+    are the values of the curve at the nodes; `factor` (N, N) are the units of X.
 
     The error e of a curve with the residual R satisfies e′ + (A − GX)ᵀe + e(A − GX) = R, up to terms of
     second order in e. Its values at the nodes are sums of ∫ΦᵀRΦ over the steps, where Φ are the states of the
@@ -298,8 +299,8 @@ def _reversal(powers: int) -> Array:
 
 
 def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve:
-    """Return the Hermite interpolant of `count` functions, from their values (m+1, count) at the nodes and
-    their slopes `starts` and `ends` (m, count) at the two ends of each step. The nearest nodes that are not
+    """Return the Hermite interpolant of `count` functions. `values` (m+1, count) are the values at the nodes;
+    `starts` and `ends` (m, count) are the slopes at the two ends of each step. The nearest nodes that are not
     separated by a jump are used."""
     m, D = grid.steps, 2 * _STENCIL
     coefficients = np.zeros((values.shape[1], m, D))
@@ -329,8 +330,8 @@ def _hermite(first: int, count: int) -> Array:
     """Return the matrix (2 count, 2 count) that maps values and slopes at `count` successive integers, from
     `first`, to coefficients of powers of θ.
 
-    It is computed from products of integers, which are exact; the inverse of a Vandermonde matrix would lose
-    digits."""
+    The matrix is computed from products of integers, which are exact; the inverse of a Vandermonde matrix
+    would lose digits."""
     nodes = np.arange(first, first + count, dtype=float)
     columns = np.zeros((2 * count, 2 * count))
     for at, node in enumerate(nodes):

@@ -125,7 +125,7 @@ class _Drive:
         return self.loop.observer if isinstance(self.loop, ClosedLoop) else None
 
     def rates(self, phase: Array) -> Array:
-        """Matrices (k, Z, Z) that map z to dz/dφ between samples, at phases (k,)."""
+        """Matrices (k, Z, Z) at phases (k,) between samples, which map z to dz/dφ."""
         x, estimate, y, u, later = self.places
         A, B, b = self.plant.dynamics(phase)
         rates = np.zeros((len(phase), later.stop + 1, later.stop + 1))
@@ -138,7 +138,7 @@ class _Drive:
         return rates / self.speed
 
     def jumps(self, phase: Array) -> Array:
-        """Matrices (k, Z, Z) that map z before a sample to z after it, at phases (k,)."""
+        """Matrices (k, Z, Z) for samples at phases (k,), which map z before a sample to z after it."""
         x, estimate, y, u, later = self.places
         jumps = np.tile(np.eye(later.stop + 1), (len(phase), 1, 1))
         computed = later if self.delay else u

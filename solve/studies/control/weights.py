@@ -20,16 +20,17 @@ _PHASES = 37
 phases do not coincide with symmetries."""
 
 _JUMP = 1e-3
-"""Change in the last of repeatedly halved intervals, relative to the largest entry, above which it counts as
-a jump: a continuous function would need slopes of 1e9 times its size per radian. Chosen by judgement."""
+"""An interval is halved repeatedly. If a matrix changes by more than this fraction of its largest entry
+within the last interval, the change counts as a jump: a continuous function would need a slope of 1e9 times
+its size per radian. Chosen by judgement."""
 
 _INSIDE = 1e-9
 """Distance from the jumps of the system, relative to the period, within which jumps of weights are allowed.
 Chosen by judgement."""
 
 _BESIDE = 4 * EPS
-"""Functions are evaluated at this distance, relative to the period, from its ends instead of at the ends,
-because they may jump there. It is a few units of round-off."""
+"""Distance, relative to the period, from the ends of the period at which functions are evaluated instead of
+at the ends, where they may jump. It is a few units of round-off."""
 
 _NEGATIVE = 1e-10
 """Modulus of a negative eigenvalue, relative to the largest entry, up to which it counts as round-off. Chosen
@@ -42,8 +43,9 @@ def matrix_function(
     """Return a function of phases (k,) that returns symmetric matrices (k, size, size), from an array or a
     function.
 
-    Raises ValueOutOfBoundsError unless the matrices are symmetric and positive semidefinite or, if `definite`
-    is True, positive definite. They may jump only at jumps of the system, which are nodes of every grid."""
+    Raises ValueOutOfBoundsError unless the matrices are symmetric and positive semidefinite. If `definite` is
+    True, they must be positive definite. The matrices may jump only at jumps of the system, which are nodes
+    of every grid."""
     if callable(given):
         # At either end of the period, a function of the phase modulo the period may return its value at the
         # other end.
@@ -66,8 +68,9 @@ def matrix_function(
 
 
 def _require_continuous(name: str, function: Callable[[Array], Array], system: PeriodicSystem) -> None:
-    """Raise ValueOutOfBoundsError if the function jumps where the system does not: in the interval of its
-    largest change between two jumps of the system, or at the end of the period of a system without jumps."""
+    """Raise ValueOutOfBoundsError if the function jumps where the system does not. Between two jumps of the
+    system, the interval in which the function changes most is tested. If the system has no jumps, the end of
+    the period is tested too."""
     period, inside = system.period, _INSIDE * system.period
 
     def refused(phase: float) -> ValueOutOfBoundsError:
@@ -101,8 +104,8 @@ def _real(values: object) -> Array:
 
 
 def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -> None:
-    """Raise ValueOutOfBoundsError unless the matrices have this shape, are real, finite and symmetric, and
-    are positive semidefinite or, if `definite` is True, positive definite."""
+    """Raise ValueOutOfBoundsError unless the matrices have this shape and are real, finite, symmetric and
+    positive semidefinite. If `definite` is True, they must be positive definite."""
     kind = "positive definite" if definite else "positive semidefinite"
     allowed = (
         f"give a symmetric {kind} matrix of shape {shape[1:]}, a function of phases that returns such "
@@ -120,7 +123,7 @@ def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -
 def named_numbers(
     name: str, given: Mapping[str, float], allowed: Sequence[str], positive: bool
 ) -> dict[str, float]:
-    """Return the mapping with its names and numbers checked. Raises UnknownNameError, and
+    """Return the mapping `given` after its names and numbers are checked. Raises UnknownNameError, and
     ValueOutOfBoundsError for negative numbers and, if `positive` is True, for zeros."""
     numbers = {}
     for key, value in given.items():
