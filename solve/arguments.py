@@ -179,8 +179,8 @@ def conforms(value: Any, annotation: Any) -> bool:
 
 @cache
 def _exact_types(annotation: Any) -> frozenset[type]:
-    """Types whose instances match an annotation without a further check. An integer may exceed the range of
-    float64."""
+    """Types whose instances match an annotation without a further check. Integers are not among them,
+    because they may exceed the range of float64."""
     kinds = get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
     return frozenset(kind for kind in kinds if isinstance(kind, type) and kind is not int)
 

@@ -58,7 +58,8 @@ class Peaks:
 def stress_positions(beams: Beams) -> list[Array]:
     """Return the positions on each link, as fractions of its length, at which stresses are evaluated.
 
-    These are the clamped root, or the midpoint, as in the thesis, and two points within each element.
+    One position is that of the thesis: the root of a clamped link, otherwise the midpoint. There are two more
+    positions within each element.
     """
     by_link = []
     for member in beams.members:

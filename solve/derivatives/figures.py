@@ -209,8 +209,8 @@ class Figures:
         return found
 
     def _nearest_break(self, phases: Array) -> tuple[Array, Array]:
-        """For each phase (k,), return the step that starts at the nearest jump, and the distance of the phase
-        after this jump. Distances are infinite if there are no jumps."""
+        """For each phase (k,), return the step that starts at the nearest jump, and the phase minus that of
+        the jump. The differences are infinite if there are no jumps."""
         grid, period = self.orbit.problem.grid, self.orbit.system.period
         steps = np.flatnonzero(grid.at_break)
         if not len(steps):

@@ -266,8 +266,8 @@ def _with_nominals(wrapper: Path, states: Sequence[Variable]) -> None:
 
 @symbolic
 def _explicit(model: Model) -> "casadi.Function":
-    """Function of phase, speed, q, q̇, inputs and parameters that returns the rates of the states and the
-    outputs. The accelerations follow from M q̈ = u - r(q̈ = 0)."""
+    """Return a function of phase, speed, q, q̇, inputs and parameters. The function returns the outputs and
+    the time derivatives of the states. The accelerations follow from M q̈ = u - r(q̈ = 0)."""
     import casadi
 
     n = model.n

@@ -101,8 +101,9 @@ def _forwards(manifold: Manifold, before: Point, after: Point) -> Point:
 def _towards_switch(manifold: Manifold, before: Point) -> Unknowns:
     """Return a direction for a step past a grazing orbit. At the phases of grazing, such a step changes the
     switching functions in the same sense as a step along the branch. The inner product of this direction and
-    a small change is the weighted mean of the resulting changes of the switching functions; the weight is
-    concentrated at the phases of grazing. Raises NoOrbitError if the equations have no switches."""
+    a small change of the unknowns is the weighted mean of the resulting changes of the switching functions;
+    the weight is concentrated at the phases of grazing. Raises NoOrbitError if the equations have no
+    switches."""
     names, curve = manifold.parameters.names, before.unknowns.curve
     task = manifold.parameters.task_at(before.unknowns.values)
     along, varied = task.along(curve), [name for name in names if name != DAMPING]

@@ -5,7 +5,8 @@ At a given frequency, such orbits are not isolated solutions, because each shift
 orbit, and because energy is conserved. A term ε Ω M q̇ is therefore added. Its factor ε is a second
 parameter, which is zero on every orbit. With this term, the orbits are regular solutions of as many equations
 as unknowns (F. J. Muñoz-Almaraz, E. Freire, J. Galán, E. Doedel, A. Vanderbauwhede, Physica D 181 (2003) 1).
-The surface over both parameters has one tangent along the branch, and one that shifts the phase."""
+If both parameters are free, the solutions form a surface. It has two tangents: one along the branch, and one
+that shifts the phase."""
 
 from dataclasses import replace
 from functools import partial

@@ -92,7 +92,7 @@ class FrozenModes:
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """M, C and K (P, k, n, n) for derivatives with respect to the phase."""
+        """M, C and K (P, k, n, n) of the equations in which the phase replaces time."""
         M, C, K = self._matrices_at().transpose(0, 3, 4, 1, 2)
         return M, C, K
 

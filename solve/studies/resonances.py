@@ -52,9 +52,9 @@ Fit = tuple[float, Combination]
 
 
 class Label(NamedTuple):
-    """Maximum with the resonances that may explain it. They are either integer divisions, given as mode (from
-    1) and order per revolution, or combinations. If several resonances explain the maximum equally well, all
-    are listed."""
+    """Maximum with the resonances that may explain it. These are combinations, or resonances of one mode,
+    given by the number of the mode (from 1) and the integer ratio of its frequency to the speed. If several
+    resonances explain the maximum equally well, all are listed."""
 
     maximum: Maximum
     divisions: set[tuple[int, int]]

@@ -40,7 +40,7 @@ _MAX_ERROR = 1e-3
 derivatives. Chosen by judgement."""
 
 _MEET = "two multipliers coincide at this edge, so that it has no derivatives"
-_DAMP = "if the system is undamped, add a little damping, or use finite differences of the edges"
+_DAMP = "if the system is undamped, add a little damping, or differentiate the edges by finite differences"
 
 _CORNER = (
     "this speed has no derivatives: another multiplier becomes dominant there, or the maximum is too "
