@@ -19,6 +19,7 @@ from solve.results.followed_modes import Ambiguity, Meeting
 from tests.pages import ROOT
 from tests.solve.free_machines import DRAG, train
 from tests.solve.newton.mechanisms import autoparametric, duffing, model_of
+from tests.solve.newton.test_branching_points import SWING, driven
 from tests.solve.newton.test_special_points import COUPLED, DRIVEN, DUFFING
 from tests.solve.studies.test_critical_speeds import _growing
 from tests.solve.studies.test_failed_points import LOW, holed
@@ -186,6 +187,7 @@ def records():
         "solve branch": [
             solve.branch(model_of(duffing(), **DUFFING), "1:2.2 rad/s", rtol=1e-6),
             solve.branch(coupled, DRIVEN, over="F=0.04:0.12", switch=True, points=40),
+            solve.branch(driven(1.05), SWING, over="F=1.05:0.9", rtol=1e-6),
         ],
         "solve sweep": [solve.sweep(resonant(), [1.5, 2.0])],
         "solve chart": [solve.chart(holed, *gaps, 1.0)],
