@@ -166,8 +166,8 @@ def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
 
 
 def _negligible(matrices: Sequence[Array]) -> list[Array]:
-    """Negligible changes of M, C, K and d in a common unit: 1e-9 of the size of the matrix or the round-off
-    of the whole equation, whichever is larger."""
+    """Negligible changes of M, C, K and d in a common unit: the larger of 1e-9 of the size of the matrix and
+    the round-off of the whole equation."""
     inertia = np.abs(np.einsum("kii->ki", matrices[0])).max(axis=0)
     unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
     scales = [unit[:, None] * unit] * 3 + [unit]

@@ -85,7 +85,7 @@ def interruptible(work: Callable[[], Value]) -> Value:
 
 _building = threading.RLock()
 _results: list[Any] = []
-"""Results of the functions decorated by `symbolic`, and objects passed to `release`."""
+"""Results of the functions decorated by `symbolic`, and the contents of deleted function owners."""
 
 _UNUSED = 2
 """Reference count of an object to which only `_results` refers: by the list and by the argument of
@@ -116,7 +116,14 @@ def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]
     return alone
 
 
-release: Callable[[Any], None] = _results.append
-"""Release the memory of an object with CasADi functions at the next call of a function decorated by
-`symbolic`. Finalisers call it. It waits for no lock, and it uses no module variable, because module variables
-may be None when the interpreter exits."""
+class FunctionOwner:
+    """Base class of objects that own CasADi functions. The memory of these functions is released at the next
+    call of a function decorated by `symbolic`.
+
+    The finaliser waits for no lock and uses no variable of a module, because these may be None when the
+    interpreter exits."""
+
+    _release = staticmethod(_results.append)
+
+    def __del__(self) -> None:
+        self._release(vars(self))

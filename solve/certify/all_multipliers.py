@@ -298,9 +298,9 @@ class Spectrum:
             return errors
         point = SinglePoint(reduction.enriched, self.point.speed)
         try:
-            equations = balanced(point, frozen(point))
-            maps = step_maps(equations, certified.method, certified.steps, certified.request.engine)[1]
-            enriched = eigenvalue_logarithms(balanced_blocks(maps, _DEFAULT_LOSS).factors[0])
+            solved = replace(certified, modes=frozen(point))
+            blocks = Factors(point, solved, certified.steps, _DEFAULT_LOSS).blocks
+            enriched = eigenvalue_logarithms(blocks.factors[0])
         except (SolveError, np.linalg.LinAlgError):
             return errors
         is_known = ~np.isnan(sizes)

@@ -12,7 +12,7 @@ from solve.errors import TransientError
 from solve.matrices import SAME_PHASE
 from solve.model.sampling import folded, inputs_of, symbol
 from solve.model.setup import Setup
-from solve.threads import release, symbolic
+from solve.threads import FunctionOwner, symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -24,7 +24,7 @@ two states. Chosen by judgement."""
 _NO_WARNINGS = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
 
-class ModelIntegrator:
+class ModelIntegrator(FunctionOwner):
     """Time integration of r(φ, Ω, Ω̇, q, q̇, q̈) = 0 over periods, with `count` equidistant states per
     period.
 
@@ -63,11 +63,6 @@ class ModelIntegrator:
         self._integrators: dict[int, casadi.Function] = {}
         self.nodes = np.linspace(0.0, period, count + 1)
         self._sizes, self._n, self._period, self._breaks = np.tile(sizes, 2), n, period, setup.breaks
-
-    _release = staticmethod(release)
-
-    def __del__(self) -> None:
-        self._release(vars(self))
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         """Integrate over a period, see `Integrator`. Raises TransientError if the integration fails."""

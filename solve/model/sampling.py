@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array, Recent
 from solve.contracts import Matrices
 from solve.matrices import split_entries
-from solve.threads import release, symbolic
+from solve.threads import FunctionOwner, symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -26,7 +26,7 @@ _CACHE_BYTES = 2**24
 """Memory limit of cached tables in bytes. Chosen by judgement."""
 
 
-class Sampler:
+class Sampler(FunctionOwner):
     """Evaluation of a CasADi function with NumPy arrays, for many columns of inputs, in chunks. Calls are
     thread-safe.
 
@@ -47,11 +47,6 @@ class Sampler:
         for index, memory in enumerate(self._inputs):
             self._buffer.set_arg(index, memory.data)  # pyright: ignore[reportCallIssue]
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
-
-    _release = staticmethod(release)
-
-    def __del__(self) -> None:
-        self._release(vars(self))
 
     def __call__(self, *inputs: Array) -> Array:
         """Evaluate the function k times and return the values (k, rows). Each input is an array (k, columns);

@@ -286,7 +286,7 @@ class FrozenModes:
         """Units (k, N) that make the states of the points with indices `points` (k,) comparable.
 
         The unit of a rate is the square root of the mean inertia. The unit of a coordinate is the square root
-        of the mean stiffness or of the mean inertia, whichever is larger, and 1 for a first-order coordinate.
+        of the larger of mean stiffness and mean inertia; it is 1 for a first-order coordinate.
         """
         matrices = self._matrices_at()[::2][..., points, :]
         diagonals = np.abs(np.einsum("aiipk->apik", matrices)).mean(axis=-1)

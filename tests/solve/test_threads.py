@@ -16,7 +16,6 @@ from threadpoolctl import threadpool_info, threadpool_limits
 import solve
 from solve import threads
 from solve.arguments import SMALL
-from solve.model import sampling
 from solve.model.sampling import Sampler
 from solve.threads import one_thread
 from tests.solve import systems
@@ -114,12 +113,9 @@ class Result:
     """Object that can be referenced weakly."""
 
 
-class Owner:
+class Owner(threads.FunctionOwner):
     def __init__(self, result):
         self.result = result
-
-    def __del__(self):
-        threads.release(vars(self))
 
 
 def test_next_symbolic_call_releases_memory_of_unused_functions():
@@ -182,7 +178,7 @@ def test_samplers_do_not_release_functions_themselves():
 def test_samplers_are_released_after_their_module(monkeypatch):
     """At the end of a process, the names of a module are removed before some objects."""
     sampler, raised = Sampler(casadi.Function("f", [casadi.SX.sym("x")], [casadi.SX(1.0)])), []
-    monkeypatch.setattr(sampling, "release", None)
+    monkeypatch.setattr(threads, "_results", None)
     monkeypatch.setattr(sys, "unraisablehook", raised.append)
     del sampler
     assert raised == []
